@@ -15,7 +15,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from cogless.live.toml import text
 from marked import Blocks, main, number, table
 from pil_tables import CASES, LAW_ALONE
 from pil_tables import PAGE as COSTS
@@ -24,6 +23,7 @@ import cogless
 from cogless.ensemble.arena_scores import RPM, SCORE_COLUMNS, Scores
 from cogless.results.limits import AND, CAUSES
 from cogless.run.causes import LONGER_FACTOR
+from cogless.study.toml import toml
 
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
 
@@ -130,7 +130,7 @@ def _set(changes: Mapping[str, Any]) -> str:
     """Changes in the notation of `--set`; for a longer run, words on the time to learn."""
     if any(key.endswith(".duration") for key in changes):
         return f"{LONGER_FACTOR} times as long to learn"
-    return f"`{', '.join(f'{key} = {text(value)}' for key, value in changes.items())}`"
+    return f"`{', '.join(f'{key} = {toml(value)}' for key, value in changes.items())}`"
 
 
 def blocks(path: Path) -> Blocks:

@@ -806,20 +806,29 @@ def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
 ) -> None:
     from cogless.identify import plan, rehearsal
 
-    monkeypatch.setattr(plan, "write", lambda study, stage: None)
+    def write(study: Study, stage: Path) -> None:
+        (stage / "study.toml").write_text(study.source.path.read_text("utf-8"), "utf-8")
+
+    def rehearsed(folder: Path, progress: object, law: object) -> list[str]:
+        assert (folder / "study.toml").is_file()  # before the rehearsal, which takes minutes
+        return expected
+
+    monkeypatch.setattr(plan, "write", write)
     monkeypatch.setattr(plan, "lowered", lambda study: lowered)
     expected = ["J  2e-4 kg*m^2", "! no friction"]
-    monkeypatch.setattr(rehearsal, "expected", lambda stage, progress, law: expected)
+    monkeypatch.setattr(rehearsal, "expected", rehearsed)
     study, folder = studies.write(tmp_path), tmp_path / "plan"
     code, out, err = cogless(capsys, "identify", "--plan", study, "-o", folder)
     assert (code, err) == (0, "")
+    motions = ", ".join(f"{name} ({s.duration:.3g} s)" for name, s in load(study).scenario.items())
     assert out.splitlines() == [
+        f"Study: {folder / 'study.toml'}",
+        f"Columns: {folder / 'id.toml'}",
+        f"Record: {motions}.",
         "To be expected, from simulated logs of this motor:",
         "J  2e-4 kg*m^2",
         "! no friction",
         *([f"! {lowered}"] if lowered else []),
-        f"Study: {folder / 'study.toml'}",
-        f"Columns: {folder / 'id.toml'}",
         f"Next: cogless identify --config {folder / 'id.toml'} LOG...",
     ]
 
@@ -1031,3 +1040,11 @@ def test_every_option_says_what_it_is_for() -> None:
 def test_help_shows_defaults(command: str, default: str, capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = cogless(capsys, command, "--help")
     assert f"[default: {default}]" in out
+
+
+def test_an_export_without_a_controller_lists_those_of_the_study(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = cogless(capsys, "export", "gimbal", "--to", "c", "-o", tmp_path / "c")
+    expected = f"--controller: missing: expected one of {', '.join(load('gimbal').controller)}\n"
+    assert (code, out, err) == (2, "", expected)

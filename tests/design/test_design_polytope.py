@@ -249,7 +249,7 @@ def of(**changes: object) -> Callable[[], UncertainPlant]:
         (
             of(nominal={"inertia": 7e-4}),
             "nominal",
-            "nominal: expected the same parameters as the ranges, not friction",
+            "nominal: expected the parameters that have ranges, all and only: friction differs",
         ),
         (lambda: from_vertices([], [1], 1.0), "vertex", "vertex: expected at least one"),
         (

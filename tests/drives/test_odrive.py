@@ -100,7 +100,8 @@ def test_its_own_law_tells_how_late_its_currents_are(
         rule = "if logs.toml, which identify --plan --drive odrive writes for --config, has its reference, if"
         assert (rule in out) == (not options) and "file of columns" not in out
         delays.append(json.loads((tmp_path / "found" / "identified.json").read_text())["values"]["delay"])
-    assert abs(delays[1]["value"]) < 1.2 * delays[1]["error"] < delays[0]["error"], delays
+    for delay in delays:  # The logs alone tell it as well: rows are 2 ms apart, the true one is 0.
+        assert abs(delay["value"]) < 1.2 * delay["error"] < 3e-4, delays
 
 
 def true_current(angle: np.ndarray) -> np.ndarray:

@@ -197,17 +197,26 @@ STRANGERS = {
     "text before the heading": "Bench 3, run 7\nload: none\n\nt,x\n0.0,1.5\n0.1,2.5\n",
     "a heading between rows": "t,x\n0.0,1.5\nt,x\n0.1,2.5\nt,x\n",
     "plain": "t,x\n0.0,1.5\n0.1,2.5\n",
+    "times of day": "t,x\n00:00:00.000,1.5\n00:00:00.100,2.5\n",
+    "times with dates and decimal commas": "t;x\n2024-05-01 00:00:00,0;1,5\n2024-05-01 00:00:00,1;2,5\n",
+    "quoted decimal commas": 't,x\n"0,0","1,5"\n"0,1","2,5"\n',
 }
 GUESSES = {
     "a decimal comma": ["commas are taken for decimal points."],
-    "units": ['"s,A" is a row of units; those of the file of columns hold.'],
+    "units": ['"s,A" is a row of units. It is not used: the units are those of --config.'],
     "units and decimal commas": [
-        '"s A" is a row of units; those of the file of columns hold.',
+        '"s A" is a row of units. It is not used: the units are those of --config.',
         "commas are taken for decimal points.",
     ],
     "half a line": ["the last line ends before its end, and is left out."],
     "text before the heading": ['the text before the heading, from "Bench 3, run 7" on, is left out.'],
     "a heading between rows": ["the heading comes 3 times; those between rows are left out."],
+    "times of day": ['t: "00:00:00.000" is read as hours, minutes and seconds.'],
+    "times with dates and decimal commas": [
+        "commas are taken for decimal points.",
+        't: "2024-05-01 00:00:00,0" is read as hours, minutes and seconds.',
+    ],
+    "quoted decimal commas": ["commas are taken for decimal points."],
 }
 
 
@@ -228,6 +237,58 @@ def test_a_file_of_a_stranger_has_the_same_numbers(tmp_path, name, kind, encodin
     assert list(log.remarks) == [f"{name}: {guess}" for guess in GUESSES.get(kind, [])]
 
 
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ('t,x\n0.5,"1,234.5"\n1.5,"12,345"\n', [1234.5, 12345]),
+        ("t;x\n0,5;1.234,5\n1,5;12.345\n", [1234.5, 12345]),
+        ("t;x\n0,5;1\u00a0234,5\n1,5;-12\u00a0345\n", [1234.5, -12345]),
+        ("t;x\n0.5;1'234.5\n1.5;1'234'567\n", [1234.5, 1234567]),
+        ('t,x\n1,"1,234,567"\n2,"1,234"\n', [1234567, 1234]),
+    ],
+)
+def test_separators_of_thousands_are_read_and_said(tmp_path, text, numbers):
+    """One that may as well be a decimal comma is read only where other cells show which of both it is."""
+    (tmp_path / "a.csv").write_text(text, "utf-8")
+    (log,) = read(tmp_path / "a.csv", ["t", "x"])
+    assert log.columns["x"].tolist() == numbers
+    assert log.remarks[-1].endswith(f"is read as {numbers[0]:.12g}, without its separators of thousands.")
+
+
+def test_a_comma_that_may_be_of_thousands_or_decimals_is_refused(tmp_path):
+    assert csv_of(tmp_path, 't,x\n1,"1,234"\n') == (
+        'x: row 1: "1,234": expected a number with a decimal point'
+    )
+    assert csv_of(tmp_path, "t;x\n0,5;1.5\n") == 't: row 1: "0,5": expected a number with a decimal point'
+
+
+def test_a_log_with_times_of_day_is_that_in_seconds(tmp_path):
+    """Over midnight, too. Its column has no unit; another column is none of times."""
+    rows = [f"{3600 * 24 - 5 + 0.001 * k:.3f},{k},{k}" for k in range(10_000)]
+    times = []
+    for row in rows:
+        second, *rest = row.split(",")
+        ms = round(1000 * float(second)) % (86_400 * 1000)
+        clock = f"{ms // 3_600_000:02}:{ms // 60_000 % 60:02}:{ms // 1000 % 60:02}.{ms % 1000:03}"
+        times.append(",".join([clock, *rest]))
+    path = tmp_path / "a.csv"
+    path.write_text("ms,counts,current\n" + "\n".join(times))
+    (tmp_path / "id.toml").write_text(ID)
+    with pytest.raises(AdvisedError) as caught:
+        load_logs([path], config.load(tmp_path / "id.toml"))
+    (advice,) = caught.value.lines
+    assert advice == (
+        f"{path}: ms: times of day, which become seconds: expected columns.t without unit, sign and scale"
+    )
+    (tmp_path / "id.toml").write_text(plan.text(changed(tomllib.loads(ID), advice.cures[0])))
+    (log,) = load_logs([path], config.load(tmp_path / "id.toml"))
+    assert log.dt == pytest.approx(1e-3) and len(log) == 10_000
+    assert any("the clock begins anew 1 times, after 86400 s" in remark for remark in log.remarks)
+    path.write_text(path.read_text().replace("ms,counts", "counts,ms"))
+    with pytest.raises(StudyError, match=r"counts: times of day: expected numbers, or columns\.t\.name = "):
+        load_logs([path], config.load(tmp_path / "id.toml"))
+
+
 SPACED = "spaces are taken for the separators of columns."
 
 
@@ -237,7 +298,7 @@ SPACED = "spaces are taken for the separators of columns."
         ("  t     x   y\n0.0   1.5   7\n 0.1   2.5  -8\n", [SPACED]),
         (
             "t x y\ns A -\n0.0 1.5 7\n0.1 2.5 8\n",
-            [SPACED, '"s A -" is a row of units; those of the file of columns hold.'],
+            [SPACED, '"s A -" is a row of units. It is not used: the units are those of --config.'],
         ),
         ("t x y\n0,0 1,5 7\n0,1 2,5 8\n", [SPACED, "commas are taken for decimal points."]),
         (
@@ -476,7 +537,7 @@ def test_a_fault_of_our_own_is_no_bad_file(tmp_path, monkeypatch):
     def broken(*of):
         raise RuntimeError("ours")
 
-    monkeypatch.setattr(csv_log, "_converted", broken)
+    monkeypatch.setattr(csv_log._Table, "converted", broken)
     with pytest.raises(RuntimeError, match="ours"):
         csv_of(tmp_path, "t,x\n1,2\n")
     with pytest.raises(KeyboardInterrupt), readable(tmp_path, "NPZ"):
@@ -659,8 +720,7 @@ def test_a_recorder_that_is_triggered_gives_no_packets(tmp_path):
     with pytest.raises(StudyError) as caught:
         logs(tmp_path, "a.npz", {**packets, "ms": time, "counts": np.floor(5.3 * time)})
     assert str(caught.value) == (
-        f"{tmp_path / 'a.npz'}: counts: row 9: the angle jumps, and only 8 rows are before: expected 100 or "
-        "more of an encoder's angle, not one of Hall sensors"
+        f"{tmp_path / 'a.npz'}: no 100 rows without a gap: expected a log without so many gaps"
     )
 
 

@@ -359,7 +359,10 @@ def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) ->
         assert findings.usable(known, [off]) == ([], said)
     assert findings.usable(known, [log("off.csv", "bridge-off", theta=0.0)]) == (
         [],
-        ["off.csv: the bridge is off, and no phase currents: it tells nothing; record i_a and i_b."],
+        [
+            "off.csv: the bridge is off, and there are no phase currents, so nothing can be "
+            "identified from it; record i_a and i_b."
+        ],
     )
 
 

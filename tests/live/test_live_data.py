@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cogless.errors import StudyError
+from cogless.live import candidates, keys, live_page
 from cogless.live import description as room
-from cogless.live import keys, live_page
 from cogless.live.candidates import YOURS, Candidate
 from cogless.live.description import NEVER_LEARNS, Number, Packed
 from cogless.live.keys import OTHER_SHAPE, Key, Landing
@@ -31,7 +31,7 @@ def candidate(name, low=1.0, high=9.0, start=2.0, **more):
 
 def described(values):
     """The bytes of a run, in which each number depends on the keys in another way."""
-    at = dict.fromkeys(NAMES, 2.0) | {one.key: value for one, value in values}
+    at = dict.fromkeys(NAMES, 2.0) | values
     if at["e"] != 2 or at["k"] > 9 or at["few"] not in (1, 2) or at["half"] > 5:
         raise StudyError("study.toml: controller.pi: expected less")
     numbers = (
@@ -48,12 +48,12 @@ def described(values):
 @pytest.fixture
 def adjusted(monkeypatch):
     def of(*listed):
-        monkeypatch.setattr(keys, "held", lambda study: [PLACE[:2]])
-        monkeypatch.setattr(keys, "packed", lambda *_: described([]))
-        monkeypatch.setattr(keys, "changed", lambda *_: None)
-        monkeypatch.setattr(keys, "_changed", lambda study, values, pairs=None: described(values))
+        for module in (keys, candidates):
+            monkeypatch.setattr(module, "held", lambda study: [PLACE[:2]])
+        monkeypatch.setattr(keys, "packed", lambda study, *_: described(study.values))
+        monkeypatch.setattr(keys, "changed", lambda study, values: SimpleNamespace(values=values))
         monkeypatch.setattr(keys, "_candidates", lambda study, told: list(listed))
-        return keys.adjustable(SimpleNamespace(drive=None))
+        return keys.adjustable(SimpleNamespace(drive=None, values={}))
 
     return of
 

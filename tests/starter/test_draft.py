@@ -5,24 +5,26 @@ import random
 import re
 import tomllib
 from collections import Counter
+from contextlib import suppress
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 
 import numpy as np
 import pytest
-from drafts import request, written
+from drafts import OWN, request, written
 
 from cogless.design.laws.harmonic import rival_bases
 from cogless.design.summary import summary
 from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
-from cogless.starter import Draft, Request, draft, parse_number
+from cogless.starter import Draft, Request, draft, parse_number, parse_speeds
 from cogless.starter.motor_rules import Known, cogging_orders, layouts_for, sized
 from cogless.starter.part_catalogue import parts
 from cogless.starter.ranking import outcome, shortened
-from cogless.starter.request import RequestError, names
-from cogless.study import changed
+from cogless.starter.request import NUMBERS, RequestError, names
+from cogless.study import Study, changed
 from cogless.study.laws.harmonic import Harmonic
 
 
@@ -111,10 +113,9 @@ def test_of_two_bases_the_one_with_less_ripple_is_written(tmp_path: Path, motor:
     assert isinstance(learner, Harmonic) and rivals is not None
     (other,) = set(rivals) - {learner.base}
     (scenario,) = study.scenario
-    short = shortened(study)
     (ripple, more) = (
         run_study(variant, ["*/harmonic"]).runs[0].metrics["speed_ripple_rad_s"]
-        for variant in (short, changed(short, {"controller.harmonic.base": other}))
+        for variant in (study, changed(study, {"controller.harmonic.base": other}))
     )
     assert ripple < more
     assert warnings(study, scenario, "harmonic") == []
@@ -310,7 +311,6 @@ def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
     assert tables["motor"]["kv"] == "58 rpm/V" and tables["motor"]["slots"] == 12
     assert tables["mechanics"]["inertia"] == "400 g*cm^2"
     assert tables["mechanics"]["load"] == {"torque": "10 mN*m"}
-    assert tables["motor"]["cogging"][0] == {"order": 84, "torque": "4 mN*m"}
     assert tables["scenario"]["slow"]["reference"] == "3.1 rad/s"
     assert study.drive.rates.outer_loop == 4000
     guessed = {guess.key for guess in made.guesses}
@@ -318,7 +318,6 @@ def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
         "motor.kv",
         "mechanics.inertia",
         "mechanics.coulomb_friction",
-        "motor.cogging.0.torque",
         "motor.slots",
     )
     assert not guessed & {*given, "drive.inverter.bus_voltage", "drive.current_loop.current_limit"}
@@ -329,6 +328,11 @@ def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
     [
         ({"speed_rate": 3000, "current_rate": 20_000},
          '--speed-rate: "3000 Hz": expected a rate that divides the current loop\'s, 20000 Hz'),
+        ({"kv": 80, "torque_constant": 0.95},
+         '--kv: "80 rpm/V": expected about 8.71 rpm/V, as --torque-constant 0.95 N*m/A says; '
+         "give one of the two"),
+        ({"kv": 80, "back_emf": "33 mV/rpm"},
+         '--back-emf: "33 mV/rpm": expected about 0.00884 V/rpm, as --kv 80 rpm/V says; give one of the two'),
         ({"current_rate": "2.5 Hz"}, '--current-rate: "2.5 Hz": expected a whole number of Hz'),
         ({"bus_voltage": 2}, '--bus-voltage: "2 V": expected 5 to 800 V, which generic bears'),
         ({"holding_torque": 1},
@@ -365,3 +369,120 @@ def test_a_speed_that_nobody_asked_for_is_one_at_which_the_rotor_turns(tmp_path:
     short = shortened(study)
     (run,) = run_study(short, ["slow/harmonic"]).runs
     assert outcome(short, run).holds
+
+
+HUB = {"pole_pairs": 20, "slots": 36, "speed": 20}
+
+
+def cogging_swing(study: Study) -> float:
+    """Half of peak to peak of the cogging, N*m, on a fine grid of a turn."""
+    theta = np.linspace(0, 2 * np.pi, 200_001)
+    star = study.motor.star()
+    torque = sum(wave.torque * np.sin(wave.order * theta + wave.phase) for wave in star.cogging)
+    return float(np.ptp(torque)) / 2
+
+
+@pytest.mark.parametrize("layout", [{}, HUB, {"pole_pairs": 23, "slots": 51}])
+def test_a_stated_cogging_is_half_of_peak_to_peak_of_the_sum_of_its_orders(
+    tmp_path: Path, layout: dict[str, object]
+) -> None:
+    """What a hand feels is the sum, in each split that the file calls possible."""
+    made, study = written(tmp_path, request("hub", "vesc", "as5048", cogging=0.3, **layout))
+    assert cogging_swing(study) == pytest.approx(0.3, rel=5e-3)
+    (split,) = (guess for guess in made.guesses if guess.key == "motor.cogging.0.torque")
+    for change in split.variants.values():
+        assert cogging_swing(changed(study, change)) == pytest.approx(0.3, rel=5e-3)
+    waves = study.motor.star().cogging
+    slot, pole = (abs(wave.torque) for wave in waves[1:])
+    assert slot == pytest.approx(pole)  # as in the class
+    (remark,) = (remark for remark in made.remarks if remark.startswith("Cogging: "))
+    assert remark.startswith("Cogging: 0.3 N*m, half of peak to peak of the sum of ")
+
+
+def test_other_slots_have_the_same_cogging_in_all(tmp_path: Path) -> None:
+    made, study = written(tmp_path, request("hub", "vesc", "as5048", cogging=0.3))
+    (slots,) = (guess for guess in made.guesses if guess.key == "motor.slots")
+    for change in slots.variants.values():
+        assert cogging_swing(changed(study, change)) == pytest.approx(0.3, rel=5e-3)
+
+
+def test_a_stated_cogging_of_a_step_motor_is_its_detent(tmp_path: Path) -> None:
+    of = request("nema17", "stepper", "incremental", cogging="12 mN*m", friction=0.005)
+    assert cogging_swing(written(tmp_path, of)[1]) == pytest.approx(0.012, rel=1e-3)
+
+
+def test_no_cogging_is_none(tmp_path: Path) -> None:
+    assert cogging_swing(written(tmp_path, request("hub", "vesc", "as5048", cogging=0))[1]) == 0
+
+
+def test_a_winding_of_a_phase_is_doubled_between_terminals(tmp_path: Path) -> None:
+    of = request("hub", "vesc", "as5048", resistance="0.28 ohm/phase", inductance="0.55 mH per phase", **HUB)
+    made, study = written(tmp_path, of)
+    star = study.motor.star()
+    assert (star.R_s, star.L_d) == (pytest.approx(0.28), pytest.approx(0.55e-3))
+    assert made.tables["motor"]["resistance_line_to_line"] == "0.56 ohm"
+    assert made.remarks == (
+        "Winding: 0.56 ohm between two terminals = 0.28 ohm per phase; "
+        "1.1 mH between two terminals = 0.55 mH per phase.",
+    )
+    step = request("nema17", "stepper", "incremental", resistance="1.5 ohm/phase")
+    assert written(tmp_path, step)[1].motor.star().R_s == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "doubt"),
+    [
+        ({"inertia": 210}, '--inertia: "210 kg*m^2": '),
+        ({"inductance": "0.55uH"}, "; if 0.55 mH is meant, say so"),
+        ({"cogging": 300}, "; if 300 mN*m is meant, say so"),
+        ({"slots": 37}, "--slots: 37: no winding has three equal phases with 40 poles: "
+                        "expected a number such as 36 or 39"),
+        ({"inertia": 0.021, "inductance": 0.55, "cogging": 0.3, "friction": 0.1}, ""),
+    ],
+)  # fmt: skip
+def test_a_number_far_from_the_class_is_doubted(
+    tmp_path: Path, numbers: dict[str, object], doubt: str
+) -> None:
+    of = request("hub", "vesc", "as5048", **{**HUB, "torque_constant": 0.95, "resistance": 0.56, **numbers})
+    doubts = draft(of, "Mine", tmp_path / "mine.toml").doubts
+    assert (len(doubts), doubt in "".join(doubts)) == (bool(doubt), True)
+
+
+def test_each_speed_is_a_scenario(tmp_path: Path) -> None:
+    of = replace(
+        request("hub", "vesc", "as5048", **{**HUB, "speed": 5}), faster=parse_speeds(["40, 7.5 rpm"])
+    )
+    _, study = written(tmp_path, of)
+    assert {name: s.top_reference * 30 / math.pi for name, s in study.scenario.items()} == {
+        "at_5_rpm": pytest.approx(5),
+        "at_7_5_rpm": pytest.approx(7.5),
+        "at_40_rpm": pytest.approx(40),
+    }
+    assert [*shortened(study).scenario] == ["at_5_rpm"]
+    with pytest.raises(RequestError, match=re.escape('"5,40": expected "5.40", or "5, 40"')):
+        parse_speeds(["5,40"])
+
+
+SLIPS = [
+    "1", "0.02", "700", "1e-6", "3 mN*m", "0.3 ohm/phase", "2 rad/s", "20 kHz", "12", "4096", "33 mV/rpm",
+    "80 rpm/V",
+]  # fmt: skip
+
+
+def test_any_flags_make_a_study_or_one_line(tmp_path: Path) -> None:
+    """Numbers drawn at random, mostly absurd together: a study or a StudyError, no other exception."""
+    generator = random.Random(7)
+    made = 0
+    for _ in range(8):
+        motor = generator.choice([*names("motors")])
+        encoder = generator.choice([*parts("encoders")])
+        numbers = {}
+        for flag in generator.sample([*NUMBERS], 3):
+            with suppress(StudyError):
+                numbers[flag] = parse_number(flag, generator.choice(SLIPS))
+        base = {flag: parse_number(flag, text) for flag, text in OWN.items()} if motor == "own" else {}
+        of = Request(motor, generator.choice(drives_for(motor)), encoder, base | numbers)
+        with suppress(StudyError):
+            draft(of, "Mine", tmp_path / "mine.toml")
+            made += 1
+    assert made > 0

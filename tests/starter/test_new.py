@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from commands import cogless
 
+from cogless.cli.terminal import program
 from cogless.study import load
 
 SHORT = ("--motor", "gm5208", "--drive", "generic", "--encoder", "as5048")
@@ -124,6 +125,7 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
          '--cogging: "0.01 N*m": expected none, since the datasheet of uomodri has it'),
         ("--motor krishnamurthy2003 --drive stepper --encoder as5047 --holding-torque 1",
          '--holding-torque: "1 N*m": expected none, since the datasheet of krishnamurthy2003 has it'),
+        ("--magnets 40", "--magnets: expected --pole-pairs, half the number of magnets: --pole-pairs 20"),
         ("--kv 300V", '--kv: "300V": expected a speed per voltage, such as "1 rpm/V"'),
         ("--kv fast", '--kv: "fast": expected a number in rpm/V, or with its unit, such as "1 rpm/V"'),
         ("--kv -3", '--kv: "-3": expected more than zero'),
@@ -156,13 +158,14 @@ def scripted(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
 def test_questions_at_a_terminal(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripted(monkeypatch, "own", "11", "nothing", "58", "5.6 ohm", "odriv", "odrive", "absolute", "30")
+    scripted(monkeypatch, "own", "11", "nothing", "58", "5.6 ohm", "", "odriv", "odrive", "absolute", "30")
     code, out, err = cogless(capsys, "new", "asked")
     assert (code, err) == (0, "")
     assert "Which motor is most like yours? [own]: " in out
     assert '"nothing": expected a number in rpm/V, or with its unit, such as "1 rpm/V"' in out
     assert f'"odriv": expected one of {DRIVES}, perhaps "odrive"' in " ".join(out.split())
     assert max(map(len, out.replace("]: ", "]: \n").splitlines())) <= 80
+    assert "Not asked, so guessed: --inertia, --inductance, --slots, --friction, " in " ".join(out.split())
     tables: dict[str, Any] = load("asked").source.tables
     assert tables["motor"]["pole_pairs"] == 11 and tables["motor"]["kv"] == "58 rpm/V"
     assert tables["motor"]["resistance_line_to_line"] == "5.6 ohm"
@@ -194,7 +197,7 @@ def test_numbers_alone_tell_the_kind_of_motor_and_sensor(
 
 
 @pytest.mark.parametrize(("motor", "own_fields"), [(SHORT, False), (("--motor", "gimbal", *SHORT[2:]), True)])
-def test_own_makes_the_page(
+def test_live_makes_the_page(
     unranked: None,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -207,5 +210,40 @@ def test_own_makes_the_page(
         called.append((study, own_motor))
 
     monkeypatch.setattr(sys.modules["cogless.cli.studies"], "live", live)
-    assert cogless(capsys, "new", "mine", *motor, "--own")[0] == 0
+    assert cogless(capsys, "new", "mine", *motor, "--live")[0] == 0
     assert called == [("mine.toml", own_fields)]
+
+
+def test_questions_of_a_class(
+    unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Pole pairs, torque constant, resistance and cogging; each default is the class's typical value."""
+    answers = ("hub", "20", "0.95 N*m/A", "0.28 ohm/phase", "0.3", "vesc", "as5048", "20, 40")
+    scripted(monkeypatch, *answers)
+    code, out, err = cogless(capsys, "new", "asked")
+    assert (code, err) == (0, "")
+    for question in (
+        "Pole pairs (half the number of magnets) [guess: 15]: ",
+        "Kv in r/min per V, or torque constant such as 0.1 N*m/A [guess: 16 rpm/V]: ",
+        "Resistance between two terminals, in ohm [guess: 0.36 ohm]: ",
+        "Cogging torque, half of peak to peak, in N*m [guess: 50 mN*m]: ",
+    ):
+        assert question in out
+    motor = load("asked").source.tables["motor"]
+    assert (motor["pole_pairs"], motor["K_t"], motor["resistance_line_to_line"]) == (
+        20, "0.95 N*m/A", "0.56 ohm"
+    )  # fmt: skip
+    assert [*load("asked").scenario] == ["at_20_rpm", "at_40_rpm"]
+
+
+@pytest.mark.parametrize(("on_path", "expected"), [(False, "./bin/cogless"), (True, "cogless")])
+def test_the_next_command_is_called_as_this_one_was(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, on_path: bool, expected: str
+) -> None:
+    script = tmp_path / "bin" / "cogless"
+    script.parent.mkdir()
+    script.write_text("#!/bin/sh\n", encoding="utf-8")
+    script.chmod(0o755)
+    monkeypatch.setenv("PATH", str(script.parent) if on_path else "")
+    monkeypatch.setattr(sys, "argv", ["./bin/cogless", "new", "mine"])
+    assert program() == expected

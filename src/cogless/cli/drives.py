@@ -40,24 +40,26 @@ def table(
             help="A folder of cogless identify, a stored map, or with --from a drive's table.",
         ),
     ],
-    to: Annotated[str, typer.Option("--to", metavar="DRIVE", help="Whose format.", show_default=False)],
+    to: Annotated[
+        str, typer.Option("--to", metavar="DRIVE", help="Write for this drive.", show_default=False)
+    ],
     output: Annotated[
         Path | None,
-        output_option("Write the table there; without it only what is said of it.", "FILE", False),
+        output_option("File for the table. Without -o nothing is written, only described.", "FILE", False),
     ] = None,
     from_: Annotated[
         str | None, typer.Option("--from", metavar="DRIVE", help="SOURCE is a table of this drive.")
     ] = None,
     drive_config: Annotated[
         Path | None,
-        typer.Option(
-            "--drive-config", metavar="FILE", help="What the drive of --from needs beside its table."
-        ),
+        typer.Option("--drive-config", metavar="FILE", help="Configuration file of the drive of --from."),
     ] = None,
     shift: Annotated[
         str | None,
         typer.Option(
-            "--shift", metavar="ANGLE", help="The new index where SOURCE's angle is zero, mechanical."
+            "--shift",
+            metavar="ANGLE",
+            help="Angle of the new drive's index where SOURCE's is zero, mechanical.",
         ),
     ] = None,
     reverse: Annotated[
@@ -66,7 +68,9 @@ def table(
     current: Annotated[
         str | None,
         typer.Option(
-            "--current", metavar="CURRENT", help="Of a printer's motor, A rms: warns if the runs had another."
+            "--current",
+            metavar="CURRENT",
+            help="Current of a printer's motor, A rms; warns if the runs had another.",
         ),
     ] = None,
     study: Annotated[

@@ -15,6 +15,7 @@ from cogless.cli.options import (
     ScenarioOption,
     SetOption,
     StudyArgument,
+    chosen,
     command_line,
     load,
     output_option,
@@ -30,19 +31,19 @@ EXIT_DIFFERENT = 1
 
 def export(
     study: StudyArgument,
-    controller: ControllerOption,
     to: Annotated[str, typer.Option("--to", metavar="c|fmu", help="What to write.", show_default=False)],
     output: Annotated[
         Path,
-        output_option("For c a new or empty folder, or an earlier export."),
+        output_option("Folder of the export; for c a new or empty one, or that of an earlier export."),
     ],
+    controller: ControllerOption = None,
     scenario: ScenarioOption = None,
     changes: SetOption = None,
 ) -> None:
     """Write a controller for firmware (c), or for other simulators (fmu).
 
-    c: its constants, the code, a self-test, an example. The folder appears whole or not at all. What the
-    self-test repeats is the beginning of the scenario. For a linear plant the law alone.
+    c: its constants, the code, a self-test, an example. The self-test repeats the beginning of the scenario.
+    A study of a linear plant has no drive: its export is the law alone.
 
     fmu: the controller, and the drive in the scenario as its plant, each for FMI 2.0 and 3.0 (co-simulation),
     built by your C and C++ compilers (CC and CXX).
@@ -53,6 +54,7 @@ def export(
         from cogless.export.fmu import write_fmus
 
         loaded = load(study, changes)
+        controller = chosen(loaded, controller)
         with new_console(stderr=True).status("Compiling"):
             written = write_fmus(loaded, controller, scenario, output)
         for path in written:
@@ -64,10 +66,11 @@ def export(
     from cogless.export.c.export_c import export_c
     from cogless.export.c.linear import export_linear
 
+    loaded = load(study, changes)
+    controller = chosen(loaded, controller)
     options = ["--controller", controller, "--to", to, *(["--scenario", scenario] if scenario else [])]
     options += ["-o", str(output)]
     command = command_line("export", study, changes, options)
-    loaded = load(study, changes)
 
     def announce(size: str) -> None:
         print_text(f"Size: {size}.")
@@ -83,7 +86,7 @@ def export(
 
 def pil(
     study: StudyArgument,
-    controller: ControllerOption,
+    controller: ControllerOption = None,
     scenario: ScenarioOption = None,
     ticks: Annotated[
         int,
@@ -114,6 +117,7 @@ def pil(
         raise StudyError(f'--compiler: "{compiler}": expected gcc or zig')
     loaded, tools = load(study, changes), toolchain.find(compiler)
     require()
+    controller = chosen(loaded, controller)
     where = first_scenario(loaded, controller, scenario)
     with share_progress(f"{where}/{controller}") as progress:
         comparison = compare(loaded, controller, where, ticks, tools, progress)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
 from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ import typer
 from cogless.cli.completion import complete_study
 from cogless.cli.options import load, output_option
 from cogless.cli.printers import identify_axis, plan_runs, printer_adapter
-from cogless.cli.terminal import new_console
+from cogless.cli.terminal import new_console, program
 from cogless.errors import StudyError
 from cogless.lines import print_text
 
@@ -38,7 +39,7 @@ def identify(
         typer.Option(
             "--drive",
             metavar="NAME",
-            help="The drive that wrote the logs, one of cogless drives; no columns needed.",
+            help="The drive that wrote the logs, as `cogless drives` names it. No columns needed.",
         ),
     ] = None,
     drive_config: Annotated[
@@ -47,7 +48,7 @@ def identify(
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("Where results go: results/identified, of a plan results/plan."),
+        output_option("Where results go. Default: results/identified, or results/plan."),
     ] = None,
     plan: Annotated[
         str | None,
@@ -55,7 +56,7 @@ def identify(
             "--plan",
             metavar="STUDY",
             autocompletion=complete_study,
-            help="Write the sequence of logs to record for the motor of a study: its name or file.",
+            help="Write which motions to record for the motor of a study, its name or file.",
         ),
     ] = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write a PNG picture of the orders.")] = False,
@@ -87,13 +88,20 @@ def identify(
         study = load(plan, None)
         scripts = script_files(study, drive, drive_config) if drive is not None else {}
         law = own_law(drive, drive_config) if drive is not None else {}
-        with locked_folder(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
-            planning.write(study, stage)
-            for name, text in scripts.items():
-                (stage / name).write_text(text, "utf-8")
+        with locked_folder(output, ["study.toml", "id.toml", *scripts]):
+            with new_set(output) as stage:
+                planning.write(study, stage)
+                for name, text in scripts.items():
+                    (stage / name).write_text(text, "utf-8")
+            print(f"Study: {output / 'study.toml'}")
+            print(f"Columns: {output / 'id.toml'}")
+            if scripts:
+                print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
+            print_text(f"Record: {_motions(output / 'study.toml')}.", others="  ")
+            sys.stdout.flush()
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(
-                    stage, lambda what, share: status.update(f"Rehearsing: {what}"), law
+                    output, lambda what, share: status.update(f"Rehearsing: {what}"), law
                 )
         under = f" under {drive}'s own law with the gains of {drive_config}" if law else ""
         print(f"To be expected, from simulated logs of this motor{under}:")
@@ -101,12 +109,8 @@ def identify(
             print_text(line, others="  ")
         if lowered := planning.lowered(study):
             print_text(f"! {lowered}")
-        print(f"Study: {output / 'study.toml'}")
-        print(f"Columns: {output / 'id.toml'}")
-        if scripts:
-            print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
         words = _identify_words(output, drive, drive_config, scripts)
-        print(f"Next: {shlex.join(['cogless', 'identify', *words])} LOG...")
+        print(f"Next: {program()} {shlex.join(['identify', *words])} LOG...")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
@@ -156,14 +160,20 @@ def identify(
     print(f"Report: {output / 'report.html'}")
     commands = []
     if of_drive is not None and of_drive.takes_table and result.estimate.cogging:
-        words = ["cogless", "table", str(output), "--to", of_drive.frame.drive, "-o"]
-        commands.append(f"{shlex.join(words)} FILE")
+        words = ["table", str(output), "--to", of_drive.frame.drive, "-o"]
+        commands.append(f"{program()} {shlex.join(words)} FILE")
     if runs:
-        commands.append(shlex.join(["cogless", "run", str(output / "study.toml")]))
+        commands.append(f"{program()} {shlex.join(['run', str(output / 'study.toml')])}")
     else:
-        commands.append("cogless identify --plan STUDY, for what to record")
+        commands.append(f"{program()} identify --plan STUDY, for what to record")
     for number, text in enumerate(commands):
         print(f"{'  or' if number else 'Next'}: {text}")
+
+
+def _motions(plan: Path) -> str:
+    """The motions of a plan's study and how long each takes."""
+    scenarios = load(str(plan), None).scenario
+    return ", ".join(f"{name} ({scenario.duration:.3g} s)" for name, scenario in scenarios.items())
 
 
 def _identify_words(

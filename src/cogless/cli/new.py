@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
@@ -12,11 +13,12 @@ import typer
 
 from cogless.cli.completion import complete_part
 from cogless.cli.options import CORES
-from cogless.cli.terminal import share_progress
+from cogless.cli.terminal import program, share_progress
 from cogless.errors import StudyError
+from cogless.lines import warn
 
 if TYPE_CHECKING:
-    from cogless.starter import Effect, Ranking, Request
+    from cogless.starter import Draft, Effect, Ranking, Request
     from cogless.starter.part_catalogue import Kind
     from cogless.study import Study
 
@@ -55,69 +57,104 @@ def new(
     pole_pairs: Annotated[
         Text, _number("--pole-pairs", "Half the number of magnets around the rotor.")
     ] = None,
+    magnets: Annotated[
+        Text, typer.Option("--magnets", hidden=True, help="Refused: --pole-pairs is the flag.")
+    ] = None,
     slots: Annotated[Text, _number("--slots", "Teeth of the stator.")] = None,
-    kv: Annotated[Text, _number("--kv", "Speed without load per volt of the battery, in r/min.")] = None,
+    kv: Annotated[Text, _number("--kv", "Speed without load per volt of the supply, in r/min per V.")] = None,
     torque_constant: Annotated[
-        Text, _number("--torque-constant", "Torque per peak ampere of a phase, in N*m/A.")
+        Text, _number("--torque-constant", "Torque per ampere of a phase (peak, not rms), in N*m/A.")
     ] = None,
     back_emf: Annotated[
-        Text, _number("--back-emf", "Rms volts between two terminals per speed, such as '33 mV/rpm'.")
+        Text,
+        _number("--back-emf", "Rms voltage between two terminals per speed, such as '33 mV/rpm'."),
     ] = None,
     resistance: Annotated[
-        Text, _number("--resistance", "Between two terminals, in ohm; a step motor's: of a coil.")
+        Text,
+        _number(
+            "--resistance",
+            "Between two terminals, in ohm. Of one phase: '0.28 ohm/phase'. Of a step motor: of one coil.",
+        ),
     ] = None,
     inductance: Annotated[
-        Text, _number("--inductance", "Between two terminals, in mH; a step motor's: of a coil.")
+        Text,
+        _number(
+            "--inductance",
+            "Between two terminals, in mH. Of one phase: '0.55 mH/phase'. Of a step motor: of one coil.",
+        ),
     ] = None,
-    inertia: Annotated[Text, _number("--inertia", "Of rotor and load together, in kg*m^2.")] = None,
+    inertia: Annotated[Text, _number("--inertia", "Inertia of rotor and load together, in kg*m^2.")] = None,
     load_inertia: Annotated[
-        Text, _number("--load-inertia", "Of the load alone, in kg*m^2; the rotor's is guessed.")
+        Text, _number("--load-inertia", "Inertia of the load alone, in kg*m^2; the rotor's is guessed.")
     ] = None,
     rated_current: Annotated[
-        Text, _number("--rated-current", "Peak of a phase, in A; a step motor's: of a coil.")
+        Text,
+        _number(
+            "--rated-current",
+            "Current it bears all day: peak of a phase, in A. Of a step motor: of one coil.",
+        ),
     ] = None,
-    rated_torque: Annotated[Text, _number("--rated-torque", "In N*m.")] = None,
-    holding_torque: Annotated[Text, _number("--holding-torque", "Of a step motor, in N*m.")] = None,
+    rated_torque: Annotated[Text, _number("--rated-torque", "Torque it can give all day, in N*m.")] = None,
+    holding_torque: Annotated[
+        Text, _number("--holding-torque", "Holding torque of a step motor, in N*m.")
+    ] = None,
     detent_torque: Annotated[
-        Text, _number("--detent-torque", "That turns a step motor without current, in N*m.")
+        Text, _number("--detent-torque", "Torque that turns a step motor without current, in N*m.")
     ] = None,
-    step_angle: Annotated[Text, _number("--step-angle", "Of a step motor, in deg.")] = None,
+    step_angle: Annotated[Text, _number("--step-angle", "Full step of a step motor, in deg.")] = None,
     cogging: Annotated[
-        Text, _number("--cogging", "Amplitude of the cogging torque, half of peak to peak, in N*m.")
+        Text, _number("--cogging", "Cogging torque in all, half of peak to peak, in N*m.")
     ] = None,
-    friction: Annotated[Text, _number("--friction", "Torque of friction while it turns, in N*m.")] = None,
-    bits: Annotated[Text, _number("--bits", "Of an absolute encoder.")] = None,
+    friction: Annotated[Text, _number("--friction", "Friction torque of the turning rotor, in N*m.")] = None,
+    bits: Annotated[Text, _number("--bits", "Bits of an absolute encoder.")] = None,
     cpr: Annotated[Text, _number("--cpr", "Counts a revolution of an incremental encoder.")] = None,
-    bus_voltage: Annotated[Text, _number("--bus-voltage", "Of the supply, in V.")] = None,
-    current_limit: Annotated[Text, _number("--current-limit", "Of the drive, peak of a phase, in A.")] = None,
-    current_rate: Annotated[
-        Text, _number("--current-rate", "Of the current loop, mostly that of the PWM, in Hz.")
+    bus_voltage: Annotated[Text, _number("--bus-voltage", "Voltage of the supply, in V.")] = None,
+    current_limit: Annotated[
+        Text, _number("--current-limit", "Most current the drive gives a phase (peak), in A.")
     ] = None,
-    speed_rate: Annotated[Text, _number("--speed-rate", "Of the speed loop, in Hz.")] = None,
-    speed: Annotated[Text, _number("--speed", "The speed that matters to you, in r/min.")] = None,
+    current_rate: Annotated[
+        Text, _number("--current-rate", "Rate of the current loop, mostly that of the PWM, in Hz.")
+    ] = None,
+    speed_rate: Annotated[Text, _number("--speed-rate", "Rate of the speed loop, in Hz.")] = None,
+    speed: Annotated[
+        list[str] | None, _number("--speed", "A speed that matters to you, in r/min. Repeatable.")
+    ] = None,
     load: Annotated[Text, _number("--load", "Constant torque of the load, in N*m.")] = None,
-    own: Annotated[bool, typer.Option("--own", help="Make the live page of the study, too.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file of this name.")] = False,
+    page: Annotated[
+        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Write a first study of your motor, and say which of its guesses matter most.
 
-    Give what you know; a number without a unit is in the unit below. On a terminal it asks for the rest.
+    Give the numbers you know, with a unit or in the unit below. On a terminal it asks for the most important
+    of the others.
 
-    What nobody knows is guessed, and marked "guess" in the file with its range and its reason.
+    It guesses the rest. The file marks each guess with its range and its reason.
     """
     options = locals()  # the arguments above, by name
     from cogless.starter.request import NUMBERS
 
-    texts = {flag: text for flag in NUMBERS if (text := options[flag.replace("-", "_")]) is not None}
+    if magnets is not None:
+        raise StudyError(f"--magnets: expected --pole-pairs, half the number of magnets{_half(magnets)}")
+    flags = [flag for flag in NUMBERS if flag != "speed"]
+    texts = {flag: text for flag in flags if (text := options[flag.replace("-", "_")]) is not None}
     path = _path(name, force)
-    request = _request({"motor": motor, "drive": drive, "encoder": encoder}, texts)
-    study, guesses = _write(request, path)
+    request = _request({"motor": motor, "drive": drive, "encoder": encoder}, texts, speed or [])
+    study, drafted = _write(request, path)
     print(f"Wrote {path}.")
-    _show_ranking(study, guesses, path)
-    if own:
+    for line in drafted.remarks:
+        print("\n".join(_wrapped(line, "", "  ")))
+    _show_ranking(study, drafted.guesses, path)
+    if page:
         from cogless.cli.studies import live
 
         live(str(path), own_motor=_has_own_words(study), jobs=CORES)
+
+
+def _half(magnets: str) -> str:
+    count = int(magnets) if magnets.isascii() and magnets.isdigit() else 0
+    return f": --pole-pairs {count // 2}" if count and count % 2 == 0 else ""
 
 
 def _path(name: str, force: bool) -> Path:
@@ -157,17 +194,25 @@ def _ask(flag: str, question: _Question, expected: str) -> Any:
             print("\n".join(_wrapped(error.text_without(f"--{flag}"))))
 
 
-def _request(chosen: Mapping[str, str | None], texts: Mapping[str, str]) -> Request:
-    from cogless.starter.request import Request, parse_number
+def _request(
+    chosen: Mapping[str, str | None], texts: Mapping[str, str], speed_texts: Sequence[str]
+) -> Request:
+    from cogless.starter.request import Request, parse_number, parse_speeds
 
     numbers = {flag: parse_number(flag, text) for flag, text in texts.items()}
+    speeds = parse_speeds(speed_texts)
     motor = _part("motor", chosen["motor"] or _motor_by(numbers))
     _ask_motor(motor, numbers)
     drive = _part("drive", chosen["drive"] or ("generic" if "current-rate" in numbers else None))
     encoder = _part("encoder", chosen["encoder"] or _encoder_by(numbers))
-    if asks() and "speed" not in numbers:
-        _ask_number("speed", "Speed that matters to you, in r/min (or: slow)", "slow", numbers)
-    return Request(motor=motor, drive=drive, encoder=encoder, numbers=numbers)
+    if asks() and not speeds:
+        text = "Speed that matters to you, in r/min (several: 5, 40)"
+        speeds = _ask_unless("speed", text, "slow", lambda answer: parse_speeds([answer])) or ()
+    if speeds:
+        numbers["speed"] = speeds[0]
+    if asks():
+        _say_not_asked(motor, numbers)
+    return Request(motor=motor, drive=drive, encoder=encoder, numbers=numbers, faster=speeds[1:])
 
 
 def _part(flag: str, name: str | None) -> str:
@@ -194,6 +239,7 @@ def _motor_by(numbers: Mapping[str, Any]) -> str | None:
     return "own" if "pole-pairs" in numbers else None
 
 
+CONSTANTS = {"kv", "torque-constant", "back-emf"}
 NEMA17_MOST = 0.8  # N*m, that a step motor of 42 mm holds
 
 
@@ -207,14 +253,65 @@ def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
     """Ask for the numbers without which a motor of one's own can't be described."""
     if motor == "own":
         _require("pole-pairs", "Pole pairs (half the number of magnets)", "7", numbers)
-        if not {"kv", "torque-constant", "back-emf"} & numbers.keys() and not (
-            {"rated-torque", "rated-current"} <= numbers.keys()
-        ):
+        if not CONSTANTS & numbers.keys() and not ({"rated-torque", "rated-current"} <= numbers.keys()):
             _require("kv", "Kv, r/min per volt of the battery", "80", numbers)
         _require("resistance", "Resistance between two terminals, in ohm", "0.5", numbers)
-    elif motor.startswith("nema") and asks():
-        _ask_number("holding-torque", "Holding torque in N*m (or: guess)", "guess", numbers)
-        _ask_number("rated-current", "Rated current of a coil in A (or: guess)", "guess", numbers)
+        if asks():
+            _ask_number("cogging", COGGING_QUESTION, "guess", numbers)
+    elif asks():
+        _ask_of_class(motor, numbers)
+
+
+COGGING_QUESTION = "Cogging torque, half of peak to peak, in N*m"
+
+
+def _ask_of_class(motor: str, numbers: dict[str, Any]) -> None:
+    """Ask for what a class of motors leaves open most, each with the class's typical value as the default."""
+    from cogless.starter.amounts import amount
+    from cogless.starter.part_catalogue import parts
+    from cogless.starter.request import NUMBERS
+
+    part = parts("motors").get(motor)
+    if part is None:  # a shipped motor has a datasheet
+        return
+
+    def ask(flag: str, text: str, typical: float) -> None:
+        _ask_number(flag, text, f"guess: {amount(typical, NUMBERS[flag].dimension)}", numbers)
+
+    torque = part["rated_torque"].typical
+    if not part.layouts:
+        ask("holding-torque", "Holding torque, in N*m", torque)
+        ask("rated-current", "Rated current of a coil, in A", part["rated_current"].typical)
+        ask("resistance", "Resistance of a coil, in ohm", part["resistance"].typical)
+        return
+    pole_pairs = part.layouts[0][1] // 2
+    _ask_number("pole-pairs", "Pole pairs (half the number of magnets)", f"guess: {pole_pairs}", numbers)
+    if not CONSTANTS & numbers.keys():
+        default = f"guess: {amount(part['kv'].typical, NUMBERS['kv'].dimension)}"
+        text = "Kv in r/min per V, or torque constant such as 0.1 N*m/A"
+        numbers.update([] if (pair := _ask_unless("kv", text, default, _constant)) is None else [pair])
+    ask("resistance", "Resistance between two terminals, in ohm", 2 * part["resistance"].typical)
+    ask("cogging", COGGING_QUESTION, part["cogging"].typical * torque)
+
+
+def _constant(text: str) -> tuple[str, Any]:
+    """The flag and the value of an answer that is a speed per volt or a torque constant, by its unit."""
+    from cogless.starter.request import RequestError, parse_number
+
+    for flag in ("torque-constant", "back-emf"):
+        with suppress(RequestError):
+            if text.strip()[-1:].isalpha():
+                return flag, parse_number(flag, text)
+    return "kv", parse_number("kv", text)
+
+
+def _say_not_asked(motor: str, numbers: Mapping[str, Any]) -> None:
+    """Say which numbers were not asked for, by their flags."""
+    flags = [flag for flag in NOT_ASKED if flag not in numbers and (flag != "slots" or "nema" not in motor)]
+    print("\n".join(_wrapped(f"Not asked, so guessed: {', '.join(f'--{flag}' for flag in flags)}.")))
+
+
+NOT_ASKED = ("inertia", "inductance", "slots", "friction", "rated-current", "bus-voltage", "current-limit")
 
 
 def _require(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
@@ -231,28 +328,32 @@ def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> 
 
     if flag in numbers:
         return
-    answer = _ask(
-        flag,
-        _Question(text, default, lambda answer: None if answer == default else parse_number(flag, answer)),
-        "a number",
-    )
+    answer = _ask_unless(flag, text, default, lambda answer: parse_number(flag, answer))
     if answer is not None:
         numbers[flag] = answer
+
+
+def _ask_unless(flag: str, text: str, default: str, take: Callable[[str], Any]) -> Any:
+    """The answer to a question, as `take` makes it; None for the default."""
+    question = _Question(text, default, lambda answer: None if answer == default else take(answer))
+    return _ask(flag, question, "a number")
 
 
 # what is written and said
 
 
-def _write(request: Request, path: Path) -> tuple[Study, Any]:
+def _write(request: Request, path: Path) -> tuple[Study, Draft]:
     from cogless.files import replacing
     from cogless.starter import draft
 
     drafted = draft(request, _title(path), path)
+    for line in drafted.doubts:
+        warn(line)
     with replacing(path) as temporary:
         temporary.write_text(drafted.text, encoding="utf-8")
     from cogless.study import Study, load
 
-    return cast(Study, load(path)), drafted.guesses
+    return cast(Study, load(path)), drafted
 
 
 def _title(path: Path) -> str:
@@ -282,8 +383,8 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
     return [
         *lines,
         "",
-        *_wrapped(f"Next: cogless run {_called(path)}"),
-        *_wrapped(f"  or: cogless live {_called(path)}"),
+        *_wrapped(f"Next: {program()} run {_called(path)}"),
+        *_wrapped(f"  or: {program()} live {_called(path)}"),
     ]
 
 
@@ -302,7 +403,7 @@ def _why_not(study: Study) -> str:
     """The design's own warnings of the scenario and of harmonic, in a sentence each."""
     from cogless.design.warnings import beyond_drive, warnings
 
-    (scenario,) = study.scenario
+    scenario = next(iter(study.scenario))
     remarks = [*beyond_drive(study, [scenario]), *warnings(study, scenario, "harmonic")]
     return " ".join(f"{text}." for text in dict.fromkeys(str(remark) for remark in remarks))
 

@@ -54,20 +54,21 @@ SetOption = Annotated[
         "--set",
         metavar="KEY=VALUE",
         autocompletion=complete_change,
-        help="Change a value, such as controller.pi.kp=0.02. A number takes the unit that stands there.",
+        help="Change a value, such as controller.pi.kp=0.02. A bare number keeps the file's unit.",
     ),
 ]
 
 JobsOption = Annotated[
-    int, typer.Option("--jobs", "-j", min=1, help="Runs at a time.", show_default="one a core", metavar="N")
+    int,
+    typer.Option("--jobs", "-j", min=1, help="Runs in parallel.", show_default="one a core", metavar="N"),
 ]
 
 ControllerOption = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--controller",
         metavar="NAME",
-        help="A controller of the study.",
+        help="Which controller of the study. Always needed.",
         show_default=False,
         autocompletion=complete_controller,
     ),
@@ -78,7 +79,7 @@ ScenarioOption = Annotated[
     typer.Option(
         "--scenario",
         metavar="NAME",
-        help="Where it runs.",
+        help="The scenario it runs in.",
         autocompletion=complete_scenario,
         show_default="the first scenario that has the controller",
     ),
@@ -98,7 +99,7 @@ OnlyOption = Annotated[
     typer.Option(
         "--only",
         metavar="SCENARIO/CONTROLLER",
-        help="Only this run; * and ? match. Repeatable.",
+        help="Run only this; * and ? stand for any text. Repeatable.",
         autocompletion=complete_run,
     ),
 ]
@@ -141,6 +142,13 @@ def load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.study.reading import changes_from
 
     return load(study, changes_from(changes or ()))
+
+
+def chosen(study: AnyStudy, controller: str | None) -> str:
+    """The controller of the command line; StudyError lists those of the study where there is none."""
+    if controller is None:
+        raise StudyError(f"--controller: missing: expected one of {', '.join(study.controller)}")
+    return controller
 
 
 def to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cogless.cli.terminal import program
 from cogless.errors import StudyError
 from cogless.lines import print_text, warn
 
@@ -44,8 +45,8 @@ def plan_runs(adapter: Adapter, file: Path, output: Path) -> None:
         for name, text in files.items():
             (stage / name).write_text(text, "utf-8")
     print(f"Runs: {output / next(iter(files))}. Its first lines say how to start it.")
-    words = ["cogless", "identify", "--drive", adapter.name, "--drive-config", str(file)]
-    print(f"Next: {shlex.join(words)} LOG...")
+    words = ["identify", "--drive", adapter.name, "--drive-config", str(file)]
+    print(f"Next: {program()} {shlex.join(words)} LOG...")
 
 
 def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output: Path) -> None:
@@ -68,7 +69,7 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
         print_text(line, others="  ")
     print(f"\nCorrection: {output / CORRECTION_FILE}")
     target = "prusa" if adapter.write_correction is not None else "tmc5160"
-    print(f"Next: {shlex.join(['cogless', 'table', str(output), '--to', target])} -o FILE")
+    print(f"Next: {program()} {shlex.join(['table', str(output), '--to', target])} -o FILE")
 
 
 def correction_lines(correction: Correction) -> list[str]:

@@ -318,7 +318,7 @@ def live(
     ] = None,
     own_motor: Annotated[
         bool,
-        typer.Option("--own-motor", help="Fields for the motor, of which the controller is told, too."),
+        typer.Option("--own-motor", help="Add fields for the motor, whose values the controllers get, too."),
     ] = False,
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,

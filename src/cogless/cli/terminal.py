@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +21,19 @@ if TYPE_CHECKING:
 
 # columns where the output is no terminal, so that lines in files and pipes are not wrapped
 PIPE_COLUMNS = 240
+COMMAND = "cogless"
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # names of variables
+
+
+def program() -> str:
+    """What calls cogless in a line to copy: its name, or this call's path, such as .venv/bin/cogless.
+
+    It is the path where the name calls nothing, or another installation.
+    """
+    called, on_path = Path(sys.argv[0]), shutil.which(COMMAND)
+    if called.name != COMMAND or called.parent == Path() or not called.exists():
+        return COMMAND
+    return COMMAND if on_path and called.samefile(on_path) else shlex.quote(sys.argv[0])
 
 
 def new_console(**options: Any) -> Console:

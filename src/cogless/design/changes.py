@@ -15,6 +15,7 @@ from cogless.study.reading import AStudy, Changes
 from cogless.study.toml import toml
 
 GAINS = ("k_theta", "kp", "ki")
+SPEED_RESERVE = 1.2  # speed that is advised, or with which a change must work / the speed that just would do
 ADVISED_FORMAT = ".3g"  # digits of a value that is advised
 
 

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cogless.design.changes import either, first, helping, unit_text
+from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
 from cogless.design.speed_loop import FASTER_FACTORS, current_loops, slower_loop
 from cogless.design.trials.model import exponential
 from cogless.study import Study, for_scenario
@@ -32,7 +32,6 @@ from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes, Remark
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
-SPEED_RESERVE = 1.2  # speed up to which a loop that is advised is stable / the scenario's top speed
 SPEED_POINTS = 64  # between standstill and the top speed, to say where a loop becomes unstable
 LATE_ANGLE_MOST = math.acos(0.75)  # electrical; a quarter of the torque is lost
 LATE_ANGLE_ADVISED = math.radians(20)  # 6 % of it

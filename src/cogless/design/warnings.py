@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design import verdict as learning
-from cogless.design.changes import either, first, helping, unit_text
+from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.current_needed import starts_after, too_much_current
 from cogless.design.detent import snaps, swing, turns_from
@@ -51,7 +51,6 @@ SLOW_TIME_SHARE = (
 DELAY_MARGIN_SHARE = 0.5  # share of the phase margin that a delay may use
 COASTING_ANGLE = 1.0  # rad
 SPEED_COUNTS_LEAST = 0.5  # counts in a speed sample: with fewer, most samples have none
-SPEED_RESERVE = 1.2  # speed that is advised / speed from which on the rotor turns; the same of counts
 CURED_RATIO = 0.9  # ripple with a change that is advised / without it, at most
 # The same of a slower feedback, which lets more of the cogging through. In 30 random drives a ratio of .2 or
 # more came out up to 1.4 times as large as predicted (benchmarks/slow_feedback.py).

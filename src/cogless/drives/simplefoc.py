@@ -175,7 +175,7 @@ def _period(path: Path, tables: dict[str, Any]) -> float | None:
     text = tables.get("row_period")
     if ("time_us" in tables["monitor"]) == (text is not None):
         raise StudyError(
-            f'{path}: row_period: expected it, such as "2 ms", or time_us among monitor, not both'
+            f'{path}: row_period: expected either row_period, such as "2 ms", or time_us in monitor'
         )
     if text is None:
         return None

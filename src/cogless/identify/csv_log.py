@@ -5,7 +5,8 @@ from __future__ import annotations
 import codecs
 import csv
 import gzip
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import IO, Any
@@ -13,6 +14,15 @@ from typing import IO, Any
 import numpy as np
 
 from cogless.errors import StudyError
+from cogless.identify.csv_cells import (
+    OTHER,
+    decimal_mark,
+    is_number,
+    is_number_of_a_language,
+    lacks_number,
+    plain,
+    seconds,
+)
 from cogless.identify.files import Array, LogColumns, printable, readable, require_bytes, require_numbers
 
 BLOCK_CHARACTERS = 1 << 22  # that are converted together; no line is longer
@@ -22,7 +32,7 @@ LONGEST_PREAMBLE = 50  # lines
 COMMENT_MARKS = ("#", "%")  # at the beginning of a line before the heading
 SNIFFED_BYTES = 1 << 16  # of a file, by which its encoding is known
 EMPTY_LINES_MOST = 10_000  # one after the other
-NO_NUMBER = ("", "na", "n/a", "null", "none")  # cells, in small letters, beside "nan", which float reads
+LANGUAGE_ROWS = 1000  # by which the mark before decimals is known
 
 
 def read_csv(path: Path, headings: list[str]) -> list[LogColumns]:
@@ -104,52 +114,62 @@ def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> Lo
     block = next(blocks, [])
     if _are_units(block, delimiter, list(places.values())):
         units = printable(block[0].strip().replace("\t", " ")[:60])
-        remarks.append(f'{path.name}: "{units}" is a row of units; those of the file of columns hold.')
+        remarks.append(
+            f'{path.name}: "{units}" is a row of units. It is not used: the units are those of --config.'
+        )
         block = block[1:]
-    commas = _decimal_commas(block, delimiter, list(places.values()))
-    if commas:
+    table = _Table(path, delimiter, heading, places, *_language(block, delimiter, places))
+    if table.decimal == ",":
         remarks.append(f"{path.name}: commas are taken for decimal points.")
+    for name, cell in table.clocks.items():
+        remarks.append(f'{path.name}: {name}: "{cell}" is read as hours, minutes and seconds.')
     for lines in _without_half_a_line(path, chain([block], blocks), delimiter, len(heading), remarks):
-        if commas:
-            lines = [line.replace(",", ".") for line in lines]
-        numbers = _converted(lines, delimiter, len(heading), list(places.values()))
+        numbers = table.converted(lines)
         if numbers is None:
-            numbers = _checked(path, lines, delimiter, heading, places, rows)
+            numbers = table.checked(lines, rows)
         if not len(numbers) and len(lines) > EMPTY_LINES_MOST:
             raise StudyError(f"{path}: row {rows + 1}: {len(lines)} empty lines before it: expected rows")
         rows += len(numbers)
         require_numbers(path, rows * len(places))
         pieces.append(numbers)
+    remarks += table.thousands
     columns = {name: np.concatenate([numbers[:, k] for numbers in pieces]) for k, name in enumerate(places)}
-    return LogColumns("", columns, tuple(heading), tuple(remarks))
+    return LogColumns("", columns, tuple(heading), tuple(remarks), tuple(table.clocks))
 
 
-def _cells(block: list[str], delimiter: str, places: list[int]) -> list[list[str]]:
-    """The cells at these places of the first two rows."""
-    rows = [[cell.strip() for cell in row] for row in csv.reader(block[:2], delimiter=delimiter)]
-    return [[row[place] for place in places] for row in rows if len(row) > max(places)]
+def _cells(block: list[str], delimiter: str, places: Collection[int], rows: int = 2) -> list[list[str]]:
+    """The cells at these places of the first rows."""
+    read = [[cell.strip() for cell in row] for row in csv.reader(block[:rows], delimiter=delimiter)]
+    return [[row[place] for place in places] for row in read if len(row) > max(places)]
 
 
 def _are_units(block: list[str], delimiter: str, places: list[int]) -> bool:
     """Whether the first row has no number, and the second has only such: they may have decimal commas."""
     rows = _cells(block, delimiter, places)
-    if len(rows) < 2 or any(map(_number_of_a_language, rows[0])):
+    if len(rows) < 2 or any(map(is_number_of_a_language, rows[0])):
         return False
-    return any(rows[0]) and all(map(_number_of_a_language, rows[1]))
+    return any(rows[0]) and all(map(is_number_of_a_language, rows[1]))
 
 
-def _decimal_commas(block: list[str], delimiter: str, places: list[int]) -> bool:
-    """Whether numbers of the first row have commas, none a point, and no comma separates cells."""
-    rows = _cells(block, delimiter, places)
-    if delimiter == "," or not rows or any("." in cell for cell in rows[0]):
-        return False
-    return any("," in cell for cell in rows[0]) and all(
-        _lacks_number(cell) or _number_of_a_language(cell) for cell in rows[0]
-    )
+def _language(
+    block: list[str], delimiter: str, places: Mapping[str, int]
+) -> tuple[str, bool, dict[str, str]]:
+    """The mark before decimals, whether it is sure, and the first cell of each column that has times of day.
 
-
-def _number_of_a_language(text: str) -> bool:
-    return _number(text.replace(",", ".", 1))
+    Commas that separate no cells are decimal where no row has a point.
+    """
+    rows = _cells(block, delimiter, places.values(), LANGUAGE_ROWS)
+    clocks = {
+        name: cell
+        for name, cell in zip(places, rows[0] if rows else (), strict=False)
+        if seconds(cell) is not None
+    }
+    cells = [cell for row in rows for name, cell in zip(places, row, strict=True) if name not in clocks]
+    numbers = [cell for cell in cells if is_number_of_a_language(cell)]
+    if mark := decimal_mark(numbers):
+        return mark, True, clocks
+    commas = delimiter != "," and not any("." in cell for cell in numbers) and any("," in c for c in numbers)
+    return "," if commas else ".", False, clocks
 
 
 def _without_half_a_line(
@@ -211,51 +231,90 @@ def _rows_only(
         )
 
 
-def _converted(lines: list[str], delimiter: str, cells: int, places: list[int]) -> Array | None:
-    """Numbers of these lines, a column for each place; None where a line isn't as the heading."""
-    if not lines or any(line.count(delimiter) != cells - 1 for line in lines):
-        return None
-    try:
-        return np.loadtxt(lines, delimiter=delimiter, usecols=places, ndmin=2, comments=None)
-    except ValueError:
-        return None
+@dataclass(frozen=True)
+class _Table:
+    """How the rows of a file become numbers.
 
+    `decimal`: mark before decimals. `sure`: whether other cells show it, so that the other mark can only
+    separate thousands. `clocks`: first cell of each column that has times of day. `thousands`: what is said
+    of their separators.
+    """
 
-def _checked(
-    path: Path, lines: list[str], delimiter: str, heading: list[str], places: Mapping[str, int], before: int
-) -> Array:
-    """The same, cell by cell; StudyError: names column and row, of which so many were before these lines."""
-    rows: list[list[float]] = []
-    for values in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
-        if not values:
-            continue
-        row = before + len(rows) + 1
-        if len(values) > len(heading) and any(cell.strip() for cell in values[len(heading) :]):
-            expected = f"expected {len(heading)}, as in the heading"
-            raise StudyError(f"{path}: row {row}: {len(values)} cells: {expected}, and decimal points")
-        numbers = []
-        for name, place in places.items():
-            if place >= len(values):
-                raise StudyError(f"{path}: {name}: row {row}: missing: expected a number")
-            text = values[place]
-            if _lacks_number(text):
-                numbers.append(float("nan"))
+    path: Path
+    delimiter: str
+    heading: list[str]
+    places: Mapping[str, int]
+    decimal: str
+    sure: bool
+    clocks: Mapping[str, str]
+    thousands: list[str] = field(default_factory=list)
+
+    def converted(self, lines: list[str]) -> Array | None:
+        """Numbers of these lines, a column for each place; None where a line isn't as the heading."""
+        if not lines or any(line.count(self.delimiter) != len(self.heading) - 1 for line in lines):
+            return None
+        if self.decimal == ",":
+            if self.delimiter == "," or any("." in line for line in lines):
+                return None
+            lines = [line.replace(",", ".") for line in lines]
+        clocks: dict[int | str, Callable[[str], Any]] = {self.places[name]: _seconds for name in self.clocks}
+        try:
+            numbers: Array = np.loadtxt(
+                lines,
+                delimiter=self.delimiter,
+                usecols=list(self.places.values()),
+                ndmin=2,
+                comments=None,
+                converters=clocks or None,
+            )
+        except ValueError:
+            return None
+        return numbers
+
+    def checked(self, lines: list[str], before: int) -> Array:
+        """The same, cell by cell; StudyError: column and row, of which so many were before these lines."""
+        rows: list[list[float]] = []
+        for values in csv.reader(lines, delimiter=self.delimiter, skipinitialspace=True):
+            if not values:
                 continue
-            if not _number(text):
-                how = " with a decimal point" if _number(text.replace(",", ".")) else ""
-                raise StudyError(f'{path}: {name}: row {row}: "{printable(text)}": expected a number{how}')
-            numbers.append(float(text))
-        rows.append(numbers)
-    return np.array(rows).reshape(-1, len(places))
+            row, cells = before + len(rows) + 1, len(self.heading)
+            if len(values) > cells and any(cell.strip() for cell in values[cells:]):
+                expected = f"expected {cells}, as in the heading"
+                raise StudyError(
+                    f"{self.path}: row {row}: {len(values)} cells: {expected}, and decimal points"
+                )
+            numbers = []
+            for name, place in self.places.items():
+                if place >= len(values):
+                    raise StudyError(f"{self.path}: {name}: row {row}: missing: expected a number")
+                numbers.append(self._number(name, row, values[place]))
+            rows.append(numbers)
+        return np.array(rows).reshape(-1, len(self.places))
+
+    def _number(self, name: str, row: int, text: str) -> float:
+        if lacks_number(text):
+            return float("nan")
+        if name in self.clocks and (time := seconds(text)) is not None:
+            return time
+        number = plain(text, self.decimal)
+        separator = OTHER[self.decimal] in text
+        if not is_number(number) or (separator and not self.sure):
+            where, cell = f"{self.path}: {name}: row {row}", printable(text)
+            if seconds(text) is not None:
+                raise StudyError(f'{where}: "{cell}" is a time, the first row has none: expected a number')
+            how = " with a decimal point" if is_number_of_a_language(text) else ""
+            raise StudyError(f'{where}: "{cell}": expected a number{how}')
+        if not self.thousands and number != text.strip().replace(self.decimal, "."):
+            self.thousands.append(
+                f'{self.path.name}: {name}: "{printable(text.strip())}" is read as {float(number):.12g}, '
+                "without its separators of thousands."
+            )
+        return float(number)
 
 
-def _lacks_number(text: str) -> bool:
-    return text.strip().lower() in NO_NUMBER
-
-
-def _number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _seconds(text: str) -> float:
+    """Seconds of a time of day; ValueError: it is none."""
+    time = seconds(text)
+    if time is None:
+        raise ValueError
+    return time

@@ -27,13 +27,14 @@ MESSAGE_MOST = 160  # characters of a library's message
 class LogColumns:
     """The wanted columns that a log has, by heading; all headings that it has; its run's name, or "".
 
-    `remarks`: what was guessed of the file, a sentence each.
+    `remarks`: what was guessed of the file, a sentence each. `clocks`: headings of times of day, in s.
     """
 
     name: str
     columns: Mapping[str, NDArray[Any]]
     headings: tuple[str, ...]
     remarks: tuple[str, ...] = ()
+    clocks: tuple[str, ...] = ()
 
 
 @contextmanager

@@ -80,8 +80,8 @@ def _said_of_bridge_off(identification: Identification, log: Log) -> list[str]:
     if not {"i_a", "i_b"} <= log.signals.keys():
         return [
             Advice(
-                f"{log.name}: the bridge is off, and no phase currents{heading(identification, 'i_a')}: "
-                "it tells nothing; "
+                f"{log.name}: the bridge is off, and there are no phase currents"
+                f"{heading(identification, 'i_a')}, so nothing can be identified from it; "
                 "record i_a and i_b.",
                 recording(signal=("i_a", "i_b"), log=log.name),
             )

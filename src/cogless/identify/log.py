@@ -138,7 +138,7 @@ def _parts(path: Path, log: LogColumns, identification: Identification) -> Itera
 
 def _require_columns(logs: Sequence[tuple[Path, LogColumns]], identification: Identification) -> None:
     """Each log has those columns of the file of columns that name it, and no other of them."""
-    lines = []
+    lines = list[str]()
     for path, log in logs:
         name = log.name or path.name
         signals = {signal: column for signal, column in identification.columns.items() if column.is_in(name)}
@@ -155,8 +155,25 @@ def _require_columns(logs: Sequence[tuple[Path, LogColumns]], identification: Id
             for signal, column in identification.columns.items()
             if column.name in log.headings and signal not in signals
         ]
+        lines += [
+            _no_clock(where, signal, identification)
+            for signal, column in signals.items()
+            if column.name in log.clocks and (signal != "t" or identification.factor("t") != 1.0)
+        ]
     if lines:
         raise AdvisedError(*lines)
+
+
+def _no_clock(where: str, signal: str, identification: Identification) -> str:
+    """What is said of times of day in a column that has something else, or that has a unit."""
+    heading = identification.columns[signal].name
+    if signal != "t":
+        return f"{where}: {heading}: times of day: expected numbers, or columns.t.name = {_quoted([heading])}"
+    return Advice(
+        f"{where}: {heading}: times of day, which become seconds: expected columns.t without unit, "
+        "sign and scale",
+        {"columns.t": heading},
+    )
 
 
 def _lacking(

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, get_args, get_origin
 
 from cogless import units
-from cogless.design.trials.from_study import design_study, uncertain_plant
-from cogless.live.description import blobs, held
+from cogless.design.trials.from_study import design_study, retuned, uncertain_plant
+from cogless.live.description import blobs, held, why_not
 from cogless.report.phases import groups, phases
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
@@ -441,7 +441,12 @@ def pinned(study: TrialStudy) -> tuple[TrialStudy, Changes]:
         own = _chosen(study, run)
         if own and _same_law(study, changed(study, own), run):
             pins |= own
-    return (changed(study, pins) if pins else study), pins
+    if not pins:
+        return study, pins
+    same = changed(study, pins)
+    for name in study.controller:
+        same.take(why_not, name, study)
+    return same, pins
 
 
 def _chosen(study: TrialStudy, run: Pair) -> Changes:
@@ -490,7 +495,7 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
         return
     run = next(pair for pair in held(study) if pair[1] == name)
     gain = law.TRIAL_GAIN
-    has_gain, K_3 = getattr(law, gain) is not None, design_study(study, [run])[run].K_3
+    has_gain, K_3 = getattr(law, gain) is not None, retuned(study, run, study).K_3
     # Of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part.
     chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
     if K_3 and not chosen:

@@ -11,15 +11,15 @@ import math
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cogless.c_layout import Leaf, control_layout
+from cogless.c_layout import control_layout
 from cogless.control_library import C_LAWS
 from cogless.design.kinds import DESIGNS
-from cogless.design.trials.from_study import design_study, retuned
+from cogless.design.trials.from_study import retuned
 from cogless.run.drive_config import engine_config
 from cogless.run.plan import plan
 from cogless.run.simulate import Pair
@@ -35,11 +35,11 @@ STRUCTS = {
     "drive.dead_time": "cgl_dead_time_config",
 }
 SPARE_ORDERS = 3  # cogging orders that a page can add
+REAL_VALUE = struct.Struct("<IId")
 POINTER_BYTES = 4  # bytes of a pointer in WebAssembly
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A number in the bytes. `format`: as Python's struct module names it."""
 
     path: str
@@ -72,9 +72,24 @@ def pack(description: Mapping[str, Any], precision: str) -> Packed:
     return Packed(bytes(packer.data), tuple(packer.numbers), tuple(packer.shape))
 
 
+@lru_cache(maxsize=256)
+def _numbers_of_struct(precision: str, name: str, path: str, begin: int) -> list[Number]:
+    leaves = control_layout(precision, POINTER_BYTES).leaves(name)
+    return [Number(f"{path}.{leaf.path}", begin + leaf.offset, leaf.format) for leaf in leaves]
+
+
+@lru_cache(maxsize=256)
+def _numbers_of_row(path: str, begin: int, count: int) -> list[Number]:
+    return [Number(f"{path}.{n}", begin + 8 * n, "d") for n in range(count)]
+
+
+def _padded(text: bytes) -> bytes:
+    return text + bytes(-len(text) % 8)
+
+
 @cache
-def _leaves(precision: str, name: str) -> tuple[Leaf, ...]:
-    return tuple(control_layout(precision, POINTER_BYTES).leaves(name))
+def _key_bytes(key: str) -> bytes:
+    return struct.pack("<Q", len(key.encode())) + _padded(key.encode())
 
 
 class _Packer:
@@ -84,11 +99,10 @@ class _Packer:
         self.shape: list[str] = []
 
     def value(self, of: Any, path: str) -> None:
-        for kind, put in KINDS:
-            if isinstance(of, kind):
-                put(self, of, path)
-                return
-        raise TypeError(f"{path}: {type(of).__name__}: expected a plain value")
+        put = _put(of.__class__)
+        if put is None:
+            raise TypeError(f"{path}: {type(of).__name__}: expected a plain value")
+        put(self, of, path)
 
     def none(self, _: None, path: str) -> None:
         self._head(NONE, 0, path)
@@ -104,12 +118,13 @@ class _Packer:
         self._number(path, "q" if signed else "Q", of)
 
     def real(self, of: float, path: str) -> None:
-        self._head(REAL, 0, path)
-        self._number(path, "d", float(of))
+        self.numbers.append(Number(path, len(self.data) + 8, "d"))
+        self.data += REAL_VALUE.pack(REAL, 0, of)
+        self.shape.append(path)
 
     def text(self, of: str, path: str) -> None:
         self._head(TEXT, len(of.encode()), f"{path}={of}")
-        self._padded(of.encode())
+        self.data += _padded(of.encode())
 
     def struct(self, of: bytes, path: str) -> None:
         name = self.structs[path]
@@ -117,16 +132,13 @@ class _Packer:
         if ours.size(name) != theirs.size(name):
             of = theirs.pack(name, ours.decode(name, of))
         self._head(TEXT, len(of), path)
-        begin = len(self.data)
-        for leaf in _leaves(self.precision, name):
-            self.numbers.append(Number(f"{path}.{leaf.path}", begin + leaf.offset, leaf.format))
-        self._padded(of)
+        self.numbers += _numbers_of_struct(self.precision, name, path, len(self.data))
+        self.data += _padded(of)
 
     def table(self, of: Mapping[str, Any], path: str) -> None:
         self._head(TABLE, len(of), path)
         for key, value in of.items():
-            self.data += struct.pack("<Q", len(key.encode()))
-            self._padded(key.encode())
+            self.data += _key_bytes(key)
             self.value(value, f"{path}.{key}" if path else key)
 
     def matrix(self, of: Any, path: str) -> None:
@@ -136,15 +148,13 @@ class _Packer:
         rows, columns = of.shape
         self._head(MATRIX, rows, f"{path} {rows}x{columns}")
         self.data += struct.pack("<Q", columns)
-        for n, x in enumerate(of.ravel().tolist()):
-            self._number(f"{path}.{n}", "d", x)
+        self._row(of.ravel(), path)
 
     def items(self, of: Any, path: str) -> None:
         items = list(of)
         if items and all(type(item) is float for item in items):
             self._head(NUMBERS, len(items), path)
-            for n, x in enumerate(items):
-                self._number(f"{path}.{n}", "d", x)
+            self._row(items, path)
             return
         self._head(LIST, len(items), path)
         for n, item in enumerate(items):
@@ -154,12 +164,13 @@ class _Packer:
         self.data += struct.pack("<II", kind, count)
         self.shape.append(f"{shape} {kind} {count}")
 
+    def _row(self, values: Any, path: str) -> None:
+        self.numbers += _numbers_of_row(path, len(self.data), len(values))
+        self.data += np.asarray(values, "<f8").tobytes()
+
     def _number(self, path: str, format: str, value: float) -> None:
         self.numbers.append(Number(path, len(self.data), format))
         self.data += struct.pack(f"<{format}", value)
-
-    def _padded(self, of: bytes) -> None:
-        self.data += of + bytes(-len(of) % 8)
 
 
 KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]], ...] = (
@@ -175,20 +186,27 @@ KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]]
 )
 
 
+@cache
+def _put(kind: Any) -> Callable[[_Packer, Any, str], None] | None:
+    """The packer's method for values of a class; None: no description has such a value."""
+    return next((put for base, put in KINDS if issubclass(kind, base)), None)
+
+
 NEVER_LEARNS = 1e9  # s, a learning_start that never comes
 
 
 def held(study: AnyStudy) -> list[Pair]:
     """The runs that a page can hold: all but those of the laws that `left_out` names."""
-    return [pair for pair in every(study) if not _why_not(study, pair[1])]
+    return [pair for pair in every(study) if not study.once(why_not, pair[1])]
 
 
 def left_out(study: AnyStudy) -> list[str]:
     """The controllers that a page leaves out and why, a sentence for each."""
-    return [f"{study.label(name)}: {why}." for name in study.controller if (why := _why_not(study, name))]
+    return [f"{study.label(name)}: {why}." for name in study.controller if (why := study.once(why_not, name))]
 
 
-def _why_not(study: AnyStudy, name: str) -> str:
+def why_not(study: AnyStudy, name: str) -> str:
+    """Why a page leaves a controller out; "" if it doesn't."""
     if study.controller[name].NOT_ON_PAGE:
         return study.controller[name].NOT_ON_PAGE
     run = next((pair for pair in every(study) if pair[1] == name), None)
@@ -258,7 +276,7 @@ def _of_trials(
     study: TrialStudy, scenario: str, controller: str, like: TrialStudy | None
 ) -> dict[str, Packed]:
     run, timing, conditions = (scenario, controller), study.timing(scenario), study.conditions(scenario)
-    design = design_study(study, [run])[run] if like is None else retuned(study, run, like)
+    design = retuned(study, run, study if like is None else like)
     page = {
         "trials": conditions.trials,
         "ticks": study.samples(scenario) * timing.divider,  # of a trial

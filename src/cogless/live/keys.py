@@ -10,14 +10,20 @@ a table. A page sets the numbers in the same way, so it runs what `cogless run -
 the same number, the first one stays. But the pole pairs of one's own motor share a number with a key that has
 stops: its table has a row for each stop and a column for each number of pole pairs.
 
+All keys that seem direct are tried together, each with a value of its own. If a run's bytes are wrong, the
+keys are halved, and only this run is described again, until the wrong keys remain.
+
 A value that the study refuses narrows the range of its key, and nothing else.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +48,7 @@ OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
 Samples = Callable[[Candidate], list[float]]
 All = Mapping[Place, Packed]
+Columns = Mapping[Number, Mapping[float, float]]  # of each number its value at each stop
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,10 @@ class Key:
     stops: tuple[float, ...] = ()
 
 
+Tried = tuple[Key, float]
+Failing = Callable[[Sequence[Tried], Sequence[Pair]], list[Pair] | None]
+
+
 @dataclass
 class Found:
     """Keys that a page can change, and why it can't change others."""
@@ -81,12 +92,9 @@ class Found:
 def adjustable(study: AnyStudy, told: bool = False) -> Found:
     """The keys of a study that a page can change. `told`: the controller is told of the motor's, too."""
     base = packed(study, held(study))
-    adjustable_keys, taken, groups = (
-        Found(base=base),
-        set[tuple[Place, int]](),
-        dict[tuple[str | None, str | None], list[Key]](),
-    )
+    adjustable_keys, taken = Found(base=base), set[tuple[Place, int]]()
     listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
+    listed = _with_all_runs(study, base, listed)
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
     if told:
         _check_words(study, {candidate.key for candidate in together})
@@ -109,10 +117,9 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
         elif any(key.lands.values()):
             taken |= _numbers(key)
             adjustable_keys.keys.append(key)
-            if not key.stops:
-                groups.setdefault((candidate.scenario, candidate.controller), []).append(key)
-    wrong = {id(key) for group in groups.values() for key in disproved(study, base, group, samples, own)}
-    for key in [key for key in adjustable_keys.keys if id(key) in wrong]:
+    direct = [key for key in adjustable_keys.keys if any(key.lands.values()) and not key.stops]
+    wrong = disproved(study, base, direct, samples, own)
+    for key in [key for key in direct if key in wrong]:
         adjustable_keys.keys.remove(key)
         taken -= _numbers(key)
         tabulated, why = _with_stops(study, base, key.candidate, own)
@@ -121,14 +128,11 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
         else:
             taken |= _numbers(tabulated)
             adjustable_keys.keys.append(tabulated)
-    narrow = {
-        id(key)
-        for group in groups.values()
-        for key in disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
-    }
+    right = [key for key in direct if key not in wrong]
+    narrow = disproved(study, base, right, _wide, own, alone=True)
     adjustable_keys.keys = [_of_slider(key) if key.stops else key for key in adjustable_keys.keys]
     adjustable_keys.keys = [
-        _narrowed(study, base, key, own) if id(key) in narrow else key for key in adjustable_keys.keys
+        _narrowed(study, base, key, own) if key in narrow else key for key in adjustable_keys.keys
     ]
     return adjustable_keys
 
@@ -230,7 +234,6 @@ def _check_words(study: AnyStudy, present: Set[str]) -> None:
 
 def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None) -> tuple[Key | None, str]:
     """The key as one value shows it, or why there is none; `disproved` tries more values."""
-    candidate = _with_all_runs(study, base, candidate)
     value, changed_blobs, why = _first_accepted(study, candidate)
     if why:
         return None, why
@@ -247,19 +250,38 @@ def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | Non
     return _with_stops(study, base, candidate, own)
 
 
-def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidate:
-    """The candidate of a scenario, marked if it also moves numbers of other scenarios' runs.
+def _with_all_runs(study: AnyStudy, base: All, listed: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates, with those of a scenario marked that also move numbers of other scenarios' runs.
 
     An example is the slowest reference, if the orders that a law learns depend on it.
     """
-    if candidate.scenario is None or candidate.stops:
-        return candidate
-    others = [pair for pair in held(study) if pair not in candidate.pairs(study)]
-    ends = (_accepted_values(study, [(candidate, end)], others) for end in (candidate.low, candidate.high))
-    moves = any(
-        blob.data != base[place].data for blobs_of_end in ends for place, blob in (blobs_of_end or {}).items()
-    )
-    return replace(candidate, elsewhere=True) if others and moves else candidate
+    groups: dict[str, list[Candidate]] = {}
+    for candidate in listed:
+        if candidate.scenario is not None and not candidate.stops:
+            groups.setdefault(candidate.scenario, []).append(candidate)
+    marked = {
+        candidate.key
+        for scenario, group in groups.items()
+        if (others := [pair for pair in held(study) if pair[0] != scenario])
+        for end in ("low", "high")
+        for candidate in _moving(study, base, group, end, others)
+    }
+    return [
+        replace(candidate, elsewhere=True) if candidate.key in marked else candidate for candidate in listed
+    ]
+
+
+def _moving(
+    study: AnyStudy, base: All, group: Sequence[Candidate], end: str, runs: Sequence[Pair]
+) -> list[Candidate]:
+    """The candidates that move numbers of these runs, each at this end of its slider."""
+    changed_blobs = _accepted_values(study, [(one, getattr(one, end)) for one in group], runs)
+    if changed_blobs is not None and all(blob.data == base[at].data for at, blob in changed_blobs.items()):
+        return []
+    if len(group) == 1:
+        return [] if changed_blobs is None else list(group)
+    half = len(group) // 2
+    return [one for part in (group[:half], group[half:]) for one in _moving(study, base, part, end, runs)]
 
 
 def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, str]:
@@ -276,7 +298,7 @@ def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, 
 def disproved(
     study: AnyStudy,
     base: All,
-    group: Sequence[Key],
+    keys: Sequence[Key],
     samples: Samples,
     own: OwnMotor | None,
     alone: bool = False,
@@ -286,40 +308,65 @@ def disproved(
     The pole pairs of one's own motor change with them. `alone`: also a key that the study refuses with such a
     value.
     """
-    for n in range(1, len(samples(group[0].candidate)) if group else 0):
-        values = [(key.candidate, samples(key.candidate)[n]) for key in group]
-        unchanged, changed_blobs = base, None
-        if own is not None:
-            pairs = round(own.pole_pairs.least) + 7 * n % len(own.turned)
-            unchanged, changed_blobs = (
-                own.turned[pairs],
-                _accepted_values(study, [*values, (own.pole_pairs, pairs)]),
-            )
-        if changed_blobs is None:
-            unchanged, changed_blobs = base, _accepted_values(study, values)
-        if changed_blobs is None and len(group) == 1 and not alone:
-            continue
-        if changed_blobs is None or not _are_set(unchanged, changed_blobs, group, values):
-            if len(group) == 1:
-                return list(group)
-            half = len(group) // 2
-            parts = (group[:half], group[half:])
-            return [key for part in parts for key in disproved(study, base, part, samples, own, alone)]
-    return []
+    runs, wrong, right = held(study), list[Key](), list(keys)
+    for n in range(1, len(samples(keys[0].candidate)) if keys else 0):
+        at_sample = partial(_failing, study, base, own, n)
+        wrong += _wrong(at_sample, [(key, samples(key.candidate)[n]) for key in right], runs, alone)
+        right = [key for key in right if key not in wrong]
+    return wrong
 
 
-def _are_set(
-    unchanged: All, changed_blobs: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]
-) -> bool:
-    """Whether these direct keys, written into the `unchanged` descriptions, give the changed ones."""
-    for place, blob in changed_blobs.items():
-        data = bytearray(unchanged[place].data)
-        for key, (candidate, value) in zip(group, values, strict=True):
-            for one in key.lands.get(place, ()):
-                one.number.write(data, landed(one, candidate.si(value)))
-        if data != blob.data:
-            return False
-    return True
+def _wrong(failing: Failing, tried: Sequence[Tried], runs: Sequence[Pair], alone: bool) -> list[Key]:
+    """The keys that are wrong in at least one of these runs with these values; `alone` as in `disproved`."""
+    bad_runs = failing(tried, runs)
+    if bad_runs == []:
+        return []
+    if len(tried) == 1:
+        return [tried[0][0]] if alone or bad_runs is not None else []
+    half = len(tried) // 2
+    searched = runs if bad_runs is None else bad_runs[:1]
+    wrong = [key for part in (tried[:half], tried[half:]) for key in _wrong(failing, part, searched, alone)]
+    if bad_runs is None or not wrong:
+        return wrong
+    right = [(key, value) for key, value in tried if key not in wrong]
+    return wrong + (_wrong(failing, right, bad_runs, alone) if right else [])
+
+
+def _failing(
+    study: AnyStudy, base: All, own: OwnMotor | None, n: int, tried: Sequence[Tried], runs: Sequence[Pair]
+) -> list[Pair] | None:
+    """The runs in which these direct keys, written into the base, don't give the changed descriptions.
+
+    None: the study refuses the values together. `n` chooses the pole pairs of one's own motor.
+    """
+    values = [(key.candidate, value) for key, value in tried]
+    touched = {pair for candidate, _ in values for pair in candidate.pairs(study)}
+    if not (pairs := [pair for pair in runs if pair in touched]):
+        return []
+    unchanged, changed_blobs = base, None
+    if own is not None:
+        pole_pairs = round(own.pole_pairs.least) + 7 * n % len(own.turned)
+        unchanged = own.turned[pole_pairs]
+        changed_blobs = _accepted_values(study, [*values, (own.pole_pairs, pole_pairs)], pairs)
+    if changed_blobs is None:
+        unchanged, changed_blobs = base, _accepted_values(study, values, pairs)
+    if changed_blobs is None:
+        return None
+    wrong = {
+        place[:2]
+        for place, blob in changed_blobs.items()
+        if _as_set(unchanged[place], place, tried) != blob.data
+    }
+    return [pair for pair in pairs if pair in wrong]
+
+
+def _as_set(unchanged: Packed, place: Place, tried: Sequence[Tried]) -> bytearray:
+    """The bytes of a run with these direct keys written into it, as a page does."""
+    data = bytearray(unchanged.data)
+    for key, value in tried:
+        for one in key.lands.get(place, ()):
+            one.number.write(data, landed(one, key.candidate.si(value)))
+    return data
 
 
 def _accepted_values(
@@ -356,24 +403,62 @@ def _with_stops(
 
 
 def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
-    """The key with stops; None if the descriptions take another shape with it."""
-    tables = {}
+    """The key with stops; None if the descriptions take another shape with it.
+
+    A run's number takes the column of an earlier run's number of the same path, if both are equal at the
+    first, the middle and the last stop and at the study's value.
+    """
+    variants: dict[float, AnyStudy] = {}
     for value in candidate.stops or _grid(candidate):
-        changed_blobs = _accepted_values(
-            study, [(candidate, value)]
-        )  # None: such as a margin that has no gains
-        if changed_blobs is not None and _same_shape(base, changed_blobs):
-            tables[value] = changed_blobs
-    if len(tables) < 3 or candidate.start not in tables:
+        with suppress(StudyError):
+            variants[value] = changed(study, {candidate.key: candidate.text(value)})
+    values = list(variants)
+    few = {*values[:1], *values[-1:], *values[len(values) // 2 :][:1], candidate.start} & variants.keys()
+    columns: dict[Place, Columns] = {}
+    by_sketch: dict[tuple[Any, ...], Mapping[float, float]] = {}
+    for pair in candidate.pairs(study):
+        sketch = _columns(study, base, pair, {value: variants[value] for value in few if value in variants})
+        marks = {
+            place: {n: (n.path, *column.items()) for n, column in of.items()} for place, of in sketch.items()
+        }
+        if all(mark in by_sketch for of in marks.values() for mark in of.values()) and by_sketch:
+            columns |= {place: {n: by_sketch[mark] for n, mark in of.items()} for place, of in marks.items()}
+            continue
+        own = _columns(study, base, pair, variants)
+        columns |= own
+        if all(own[place].keys() == of.keys() for place, of in marks.items()):
+            by_sketch |= {mark: own[place][n] for place, of in marks.items() for n, mark in of.items()}
+    if len(variants) < 3 or candidate.start not in variants:
         return None
-    lands = {}
-    for place in tables[candidate.start]:
-        moved = _moved(base[place], [changed_blobs[place] for changed_blobs in tables.values()])
-        lands[place] = tuple(
-            Landing(n, values=tuple(n.read(changed_blobs[place].data) for changed_blobs in tables.values()))
-            for n in moved
+    lands = {
+        place: tuple(
+            Landing(n, values=tuple(column[value] for value in variants)) for n, column in of.items()
         )
-    return Key(candidate, lands, tuple(tables))
+        for place, of in columns.items()
+    }
+    return Key(candidate, lands, tuple(variants))
+
+
+def _columns(study: AnyStudy, base: All, pair: Pair, variants: dict[float, AnyStudy]) -> dict[Place, Columns]:
+    """Of a run each number that these variants of the study move, with its values.
+
+    A variant that the run refuses, or that gives it another shape, is taken out of `variants`.
+    """
+    tables: dict[float, All] = {}
+    for value in list(variants):
+        with suppress(StudyError, MisfitError):
+            changed_blobs = packed(variants[value], [pair], study)
+            if _same_shape(base, changed_blobs):
+                tables[value] = changed_blobs
+                continue
+        del variants[value]
+    return {
+        place: {
+            number: {value: number.read(blobs[place].data) for value, blobs in tables.items()}
+            for number in _moved(base[place], [blobs[place] for blobs in tables.values()])
+        }
+        for place in next(iter(tables.values()), {})
+    }
 
 
 def _apart_from_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
@@ -446,11 +531,14 @@ def _same_shape(base: All, changed_blobs: All) -> bool:
 def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
     """The numbers that differ in at least one of the others."""
     others = [other for other in others if other.data != blob.data]
-    return (
-        [n for n in blob.numbers if any(n.read(o.data) != n.read(blob.data) for o in others)]
-        if others
-        else []
-    )
+    if not others:
+        return []
+    own = np.frombuffer(blob.data, np.uint8)
+    differs = np.any([np.frombuffer(other.data, np.uint8) != own for other in others], axis=0)
+    places = np.flatnonzero(differs)
+    ends = [n.offset for n in blob.numbers] + [len(own)]
+    owners = np.searchsorted(ends, places, side="right") - 1
+    return [blob.numbers[n] for n in np.unique(owners)]
 
 
 def _fitting(
@@ -487,9 +575,9 @@ def samples(candidate: Candidate) -> list[float]:
 
 
 def _wide(candidate: Candidate) -> list[float]:
-    """Values that only the field takes."""
-    ends = ((candidate.least, candidate.low), (candidate.high, candidate.most))
-    values = [low + (high - low) * share for low, high in ends for share in (0.0, 0.1, 0.37, 1.0)]
+    """Values that only the field takes, behind one that is not tried."""
+    below, above = candidate.low - candidate.least, candidate.most - candidate.high
+    values = [candidate.low, candidate.least + 0.1 * below, candidate.high + 0.37 * above, candidate.most]
     return [float(f"{value:.7g}") for value in values]
 
 

@@ -35,7 +35,7 @@ OTHER_SENSORS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("incremental, 1024 lines", {"kind": "encoder", "lines": 1024, "speed_method": "MT"}),
 )
 OBSERVER_SHARE = 40  # the observer's bandwidth: the speed loop's rate over this
-TRIED_VALUES = 4  # of each key with another sensor; the first is not tried
+TRIED_VALUES = 2  # of each key with another sensor; the first is not tried
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,8 @@ def sensor_choices(study: Study, page_keys: Found, spares: Sequence[Key]) -> lis
         keys = [
             moved for key in page_keys.keys if not key.stops and (moved := _moved(key, page_keys.base, base))
         ]
-        groups: dict[tuple[str | None, str | None], list[Key]] = {}
-        for key in keys:
-            groups.setdefault((key.candidate.scenario, key.candidate.controller), []).append(key)
-        refused = (disproved(other, base, group, _few, None, alone=True) for group in groups.values())
-        wrong = {id(key) for group in refused for key in group}
-        right = [key for key in keys if id(key) not in wrong]
+        wrong = disproved(other, base, keys, _few, None, alone=True)
+        right = [key for key in keys if key not in wrong]
         right += [moved for key in spares if (moved := _moved(key, page_keys.base, base))]
         lands = {key.candidate.key: key.lands for key in right}
         choices.append(SensorChoice(words, toml(table), base, lands))

@@ -2,7 +2,7 @@
 
 from cogless.starter.draft import Draft, draft
 from cogless.starter.ranking import Effect, Outcome, Ranking, rank
-from cogless.starter.request import NUMBERS, Request, RequestError, parse_number
+from cogless.starter.request import NUMBERS, Request, RequestError, parse_number, parse_speeds
 
 __all__ = [
     "NUMBERS",
@@ -14,5 +14,6 @@ __all__ = [
     "RequestError",
     "draft",
     "parse_number",
+    "parse_speeds",
     "rank",
 ]

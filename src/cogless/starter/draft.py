@@ -14,13 +14,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from cogless import units
 from cogless.design.laws.harmonic import rival_bases
 from cogless.design.warnings import slow_warning
 from cogless.run.simulate import rollout
-from cogless.starter.amounts import amount, exact_rate
+from cogless.starter.amounts import amount, digits, exact_rate
+from cogless.starter.doubts import doubts
 from cogless.starter.motor_rules import KV_TO_TORQUE
 from cogless.starter.motor_sections import (
     MotorFacts,
@@ -34,8 +35,8 @@ from cogless.starter.motor_sections import (
     share_of,
 )
 from cogless.starter.part_catalogue import Figure, Part, parts
-from cogless.starter.ranking import LEARNING_LAW, outcome, shortened
-from cogless.starter.request import Request, RequestError
+from cogless.starter.ranking import LEARNING_LAW, outcome
+from cogless.starter.request import NUMBERS, Answer, Request, RequestError
 from cogless.starter.sensor_choice import (
     COUNTS_PER_SECOND,
     HALL_EDGES_PER_SECOND,
@@ -45,6 +46,7 @@ from cogless.starter.sensor_choice import (
 )
 from cogless.starter.sheet import Guess, Section, Sheet, origin, round_125
 from cogless.study import Study, changed
+from cogless.study.datasheet import AGREEMENT_MOST
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import AnyMotor
 from cogless.study.numerics import OVERMODULATION_MOST, no_load_speed, steps_needed, voltage_reach
@@ -70,6 +72,12 @@ OF_PHASES = {  # numbers that only a motor of so many phases has
     3: ("slots", "kv", "torque-constant", "back-emf", "pole-pairs"),
 }
 OF_A_STEP_DATASHEET = ("resistance", "inductance", "holding-torque", "detent-torque", "step-angle", "cogging")
+# Words for the magnet; each function makes K_t of the word's value, SI, and the word's value of K_t.
+MAGNET_CONSTANTS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
+    "torque-constant": (lambda constant: constant, lambda constant: constant),
+    "kv": (lambda kv: KV_TO_TORQUE / kv, lambda constant: KV_TO_TORQUE / constant),
+    "back-emf": (lambda emf: math.sqrt(1.5) * emf, lambda constant: constant / math.sqrt(1.5)),
+}
 OF_ENCODERS = {"bits": "absolute", "cpr": "incremental"}
 ORDER_ROWS = 2.2  # in a wave of an order that a metric tells
 CONVERTER_BITS = 12  # each current sensor has such a converter
@@ -78,10 +86,12 @@ LOAD_FACTOR = 3.0  # times the guessed rotor's inertia, for a load that nobody s
 
 @dataclass(frozen=True, kw_only=True)
 class Draft:
-    """The text of a study, and its guesses."""
+    """The text of a study, and its guesses; remarks and doubts about what was asked, in sentences."""
 
     text: str
     guesses: tuple[Guess, ...]
+    remarks: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def tables(self) -> dict[str, Any]:
@@ -111,19 +121,25 @@ def draft(request: Request, title: str, path: Path) -> Draft:
     """
     speed = None
     for _ in range(SPEED_ROUNDS):
-        composed = _fitted(partial(_composed, request, title, speed), path)
+        of_slowest = replace(request, faster=())
+        composed = _fitted(
+            partial(_composed, of_slowest, title, speed), partial(_composed, request, title, speed), path
+        )
         speed = None if "speed" in request.numbers else turning_speed(_study(composed, path))
         if speed is None:
             break
     return composed
 
 
-def _fitted(compose: Callable[[Fit], Draft], path: Path) -> Draft:
-    """The study with the integration steps, the speed method and the feedbacks that suit it."""
+def _fitted(compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Draft], path: Path) -> Draft:
+    """The study with the integration steps, the speed method and the feedbacks that suit it.
+
+    `compose_slowest`: the study with the slowest speed alone, which is the hardest to hold.
+    """
     fit = Fit(steps=_integration_steps(compose(Fit()), path))
-    fit = replace(fit, observer=fit_observer(_study(compose(fit), path)))
-    fit = replace(fit, feedbacks=slower_feedbacks(_study(compose(fit), path)))
-    return compose(replace(fit, base=better_base(_study(compose(fit), path))))
+    fit = replace(fit, observer=fit_observer(_study(compose_slowest(fit), path)))
+    fit = replace(fit, feedbacks=slower_feedbacks(_study(compose_slowest(fit), path)))
+    return compose(replace(fit, base=better_base(_study(compose_slowest(fit), path))))
 
 
 def _integration_steps(composed: Draft, path: Path) -> int:
@@ -136,15 +152,22 @@ def _integration_steps(composed: Draft, path: Path) -> int:
 def _steps(tables: dict[str, Any], change: Mapping[str, Any], path: Path) -> int:
     for key, value in change.items():
         put(tables, key, value)
-    tables = with_datasheet(path, tables).tables
-    (scenario,) = tables["scenario"].values()
-    star = TypeAdapter(AnyMotor).validate_python(tables["motor"]).star()
+    source = with_datasheet(path, tables)
+    tables = source.tables
+    speed = max(
+        units.parse(scenario["reference"], units.ANGULAR_SPEED) for scenario in tables["scenario"].values()
+    )
+    try:
+        star = TypeAdapter(AnyMotor).validate_python(tables["motor"]).star()
+    except ValidationError:
+        checked(source)  # it says in a line what is wrong
+        raise
     voltage = units.parse(tables["drive"]["inverter"]["bus_voltage"], units.VOLTAGE)
     most = OVERMODULATION_MOST * no_load_speed(voltage, star, star.psi_f)
     return steps_needed(
         star,
         Mechanics.model_validate(tables["mechanics"]),
-        min(most, units.parse(scenario["reference"], units.ANGULAR_SPEED)),
+        min(most, speed),
         units.parse(tables["drive"]["rates"]["current_loop"], units.FREQUENCY),
     )
 
@@ -171,18 +194,20 @@ def better_base(study: Study) -> tuple[int, str] | None:
     rivals = rival_bases(study, LEARNING_LAW)
     if rivals is None:
         return None
-    short, key = shortened(study), f"controller.{LEARNING_LAW}.base"
-    (scenario,) = short.scenario
-    variants = [changed(short, {key: base}) for base in rivals]
+    key = f"controller.{LEARNING_LAW}.base"
+    ((scenario, run),) = study.scenario.items()
+    variants = [changed(study, {key: base}) for base in rivals]
     results = rollout(variants, [f"{scenario}/{LEARNING_LAW}"])
     answers = [outcome(variant, result.runs[0]) for variant, result in zip(variants, results, strict=True)]
     ripple = {base: answer.ripple for base, answer in zip(rivals, answers, strict=True) if answer.holds}
     complete, roomy = rivals
     learns = f"{complete} learns all orders of the cogging, {roomy} the error of the sensor"
+    of_run = f"in the run of {run.duration:g} s below, with these numbers"
     if not ripple:
-        return complete, f"{learns}: with neither is the speed held in a run of this study"
+        return complete, f"{learns}: with neither is the speed held {of_run}"
     best = min(ripple, key=ripple.__getitem__)
-    return best, f"{learns}: {best} leaves less ripple in a run of this study"
+    rms = ", ".join(f"{base} {amount(value, units.ANGULAR_SPEED)}" for base, value in ripple.items())
+    return best, f"{learns}. Ripple (rms) {of_run}: {rms}"
 
 
 def _gains_in(change: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -220,6 +245,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     _check_fit(request, part, drive)
     sheet = Sheet()
     motor = put_motor(sheet, request, part) if part.layouts else put_step_motor(sheet, request, part)
+    sheet.doubts += doubts(request, motor)
     _mechanics(sheet, request, motor)
     sensor = parts("encoders")[request.encoder]
     voltage = _voltage(request, motor, drive)
@@ -231,7 +257,12 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     rows = _scenario(sheet, request, motor, speed, current_rate, voltage.typical)
     _controllers(sheet, fit.feedbacks, fit.base)
     _metrics(sheet, motor, speed[0], rows)
-    return Draft(text=sheet.file_text(_head(title, request)), guesses=tuple(sheet.guesses))
+    return Draft(
+        text=sheet.file_text(_head(title, request)),
+        guesses=tuple(sheet.guesses),
+        remarks=tuple(sheet.remarks),
+        doubts=tuple(sheet.doubts),
+    )
 
 
 def _head(title: str, request: Request) -> list[str]:
@@ -256,10 +287,26 @@ def _check_fit(request: Request, part: Part, drive: Part) -> None:
         fits = request.encoder == encoder or (flag == "bits" and request.encoder not in OF_ENCODERS.values())
         unless = "unless the encoder is absolute" if flag == "bits" else "unless the encoder is incremental"
         _refuse(request, () if fits and request.encoder != "hall" else (flag,), unless)
+    _check_constants(request)
     tables = datasheet_tables(request.motor)
     if tables:
         has = OF_A_STEP_DATASHEET if phases == 2 else ("cogging",) if "cogging" in tables else ()
         _refuse(request, has, f"since the datasheet of {request.motor} has it")
+
+
+def _check_constants(request: Request) -> None:
+    """Refuse two numbers of the magnet that do not agree: speed per volt, torque per current, back-EMF."""
+    first, *others = [word for word in MAGNET_CONSTANTS if word in request.numbers] or [""]
+    for other in others:
+        answer = request.numbers[other]
+        by_first = MAGNET_CONSTANTS[other][1](MAGNET_CONSTANTS[first][0](request.numbers[first].value))
+        if not math.isclose(answer.value, by_first, rel_tol=AGREEMENT_MOST):
+            number = NUMBERS[other]
+            expected = amount(by_first, number.dimension, number.unit)
+            other_flag = f"--{first} {request.numbers[first].text}"
+            raise RequestError(
+                other, answer.text, f"expected about {expected}, as {other_flag} says; give one of the two"
+            )
 
 
 def _refuse(request: Request, names: tuple[str, ...], why: str) -> None:
@@ -320,7 +367,7 @@ def _voltage(request: Request, motor: MotorFacts, drive: Part) -> Figure:
 def _speed(request: Request, motor: MotorFacts, sensor: Part, voltage: float) -> tuple[float, str]:
     """The scenario's speed, r/min, and why it was chosen; "" if it was stated."""
     if "speed" in request.numbers:
-        return request.numbers["speed"].value / units.factor("rpm", units.ANGULAR_SPEED), ""
+        return _in_rpm(request.numbers["speed"]), ""
     cogs = 60 * COGGING_FREQUENCY / motor.main_order
     if sensor.table["kind"] == "hall":
         seen = 60 * HALL_EDGES_PER_SECOND / (6 * motor.pole_pairs)
@@ -450,20 +497,27 @@ def _scenario(
     current_rate: float,
     voltage: float,
 ) -> float:
-    """Trace and scenario; returns the trace's rows a second."""
+    """Trace, and a scenario for each speed; returns the trace's rows a second."""
     rpm, reason = speed
     duration = _duration(rpm)
+    text = request.numbers["speed"].text if "speed" in request.numbers else f"{rpm:.6g} rpm"
+    speeds = {rpm: text, **{_in_rpm(answer): answer.text for answer in request.faster}}
     section = sheet.section("[trace]")
-    fastest = motor.main_order * rpm / 60
+    fastest = motor.main_order * max(speeds) / 60
     rate = _trace_rate(int(current_rate), duration, fastest)
     section.put("rate", exact_rate(rate))
-    section = sheet.section("[scenario.slow]")
-    section.put("duration", f"{duration:g} s")
-    text = request.numbers["speed"].text if "speed" in request.numbers else f"{rpm:.6g} rpm"
-    section.put("reference", text, *((reason,) if reason else ()))
-    if rpm < _reach(motor, voltage):
-        section.put("initial_speed", text)
+    for rpm, text in speeds.items():
+        name = "slow" if len(speeds) == 1 else f"at_{digits(rpm).replace('.', '_')}_rpm"
+        section = sheet.section(f"[scenario.{name}]")
+        section.put("duration", f"{duration:g} s")
+        section.put("reference", text, *((reason,) if reason else ()))
+        if rpm < _reach(motor, voltage):
+            section.put("initial_speed", text)
     return rate
+
+
+def _in_rpm(answer: Answer) -> float:
+    return answer.value / units.factor("rpm", units.ANGULAR_SPEED)
 
 
 def _duration(rpm: float) -> float:

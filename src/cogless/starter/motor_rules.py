@@ -13,13 +13,18 @@ resistance. Cogging and friction are shares of the torque. docs/guide/new.md has
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
 
 from cogless.starter.part_catalogue import Part, parts
 
 LOSS_POWER = -4 / 3  # R / K_t^2 grows with this power of the torque
 TIME_POWER = 2 / 3  # L / R does with this one
 INERTIA_POWER = 5 / 3
+COGGING_PHASES = {"cogging": 0.0, "slot_cogging": 40.0, "pole_cogging": 110.0}  # deg; any, but not alike
+SAMPLES_IN_A_WAVE, TURN_SAMPLES_MOST = 64, 1_000_003
 KV_TO_TORQUE = math.sqrt(3) / 2  # K_t kv of sinusoidal currents, both SI
 
 
@@ -113,12 +118,32 @@ def layouts_for(motor: Part, pole_pairs: int | None) -> list[tuple[int, int]]:
     poles = 2 * pole_pairs
     sold = [*motor.layouts, *(layout for part in parts("motors").values() for layout in part.layouts)]
     fitting = [(slots, p) for slots, p in sold if p == poles]
-    balanced = [s for s in range(3, 3 * poles + 1, 3) if s != poles and not s % (3 * math.gcd(s, pole_pairs))]
+    balanced = [s for s in range(3, 3 * poles + 1, 3) if s != poles and is_balanced(s, pole_pairs)]
     balanced.sort(key=lambda slots: (slots % 2, abs(math.log(slots / poles))))
     return list(dict.fromkeys([*fitting, *((slots, poles) for slots in balanced[:3])]))
+
+
+def is_balanced(slots: int, pole_pairs: int) -> bool:
+    """Whether a winding in these slots can have three equal phases, 120 degrees apart."""
+    return slots % (3 * math.gcd(slots, pole_pairs)) == 0
 
 
 def cogging_orders(slots: int, poles: int) -> dict[str, int]:
     """Orders of the cogging of a turn: the main one, of the slots, of the poles; none twice."""
     orders = {"cogging": math.lcm(slots, poles), "slot_cogging": slots, "pole_cogging": poles}
     return {key: order for key, order in orders.items() if key == "cogging" or order != orders["cogging"]}
+
+
+def half_peak_to_peak(amplitudes: Mapping[str, float], orders: Mapping[str, int]) -> float:
+    """Half of peak to peak of the sum of a cogging's parts, each amplitude sin(order theta + phase).
+
+    It is in the amplitudes' unit; the phases are those of `COGGING_PHASES`.
+    """
+    step = math.gcd(*orders.values())  # the sum repeats so often in a turn
+    count = min(SAMPLES_IN_A_WAVE * max(orders.values()) // step + 1, TURN_SAMPLES_MOST)
+    theta = math.tau * np.arange(count) / count
+    torque = sum(
+        amplitudes[key] * np.sin(order // step * theta + math.radians(COGGING_PHASES[key]))
+        for key, order in orders.items()
+    )
+    return float(np.ptp(torque)) / 2

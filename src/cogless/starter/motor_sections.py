@@ -14,10 +14,12 @@ from cogless import units
 from cogless.files import shipped
 from cogless.starter.amounts import amount, span
 from cogless.starter.motor_rules import (
+    COGGING_PHASES,
     KV_TO_TORQUE,
     Known,
     Sized,
     cogging_orders,
+    half_peak_to_peak,
     layouts_for,
     peak_of_coil,
     sized,
@@ -30,7 +32,7 @@ from cogless.study.motor import AnyMotor, StarMotor
 OTHER_LAYOUTS = 3
 STEPS_IN_A_PERIOD = 4  # a period is an electrical revolution
 MAGNET_WORDS = {"kv": "kv", "torque-constant": "K_t", "back-emf": "K_e_line_to_line_rms"}
-SLOT_PHASE, POLE_PHASE = "40 deg", "110 deg"  # any: parts of the cogging do not begin together
+TORQUE_DIGITS = 4  # of a part of the cogging
 DETENT_ORDER = 4  # electrical, of a step motor with two phases
 
 
@@ -82,11 +84,11 @@ def put_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         stated = "slots" in request.numbers
         section.put("slots", slots, *(() if stated else (_slots_guess(others, named, slots, poles),)))
     if others and cogs:
-        sheet.guesses.append(_layout_variants(others, (slots, poles), amplitudes, request))
+        sheet.guesses.append(_layout_variants(others, (slots, poles), part, amplitudes, request))
     _magnet(sheet, section, request, part, tables)
     _winding(sheet, section, request, part, tables, size)
     if cogs:
-        _cogging(sheet, request, amplitudes, slots, poles)
+        _cogging(sheet, request, part, amplitudes, (slots, poles))
         orders = cogging_orders(slots, poles)
         main, all_orders = orders["cogging"], tuple(orders.values())
     else:
@@ -112,8 +114,8 @@ def _star(request: Request, tables: Mapping[str, Any]) -> Known:
         constant = KV_TO_TORQUE / kv
     if (emf := request.value("back-emf")) is not None:
         constant = math.sqrt(1.5) * emf
-    between = request.value("resistance")
-    resistance = None if between is None else between / 2
+    between = request.between_terminals("resistance")
+    resistance = None if between is None else between.value / 2
     named = named_motors().get(request.motor, {})
     current, torque = request.value("rated-current"), request.value("rated-torque")
     if tables:
@@ -183,19 +185,25 @@ def _winding(
     size: Sized,
 ) -> None:
     """Resistance and inductance, between two terminals."""
+    stated = []
     for key, name, factor, dimension in (
         ("resistance_line_to_line", "resistance", size.resistance_factor, units.RESISTANCE),
         ("inductance_line_to_line", "inductance", size.inductance_factor, units.INDUCTANCE),
     ):
-        if name in request.numbers:
-            section.put(key, request.numbers[name].text)
+        if (between := request.between_terminals(name)) is not None:
+            of_a_phase = amount(between.value / 2, dimension)
+            section.put(key, between.text, note=f"{of_a_phase} per phase")
+            stated.append(f"{between.text} between two terminals = {of_a_phase} per phase")
         elif not tables:
             figure = adapted(part[name].scaled(2 * factor), is_same_size(factor))
-            if name == "inductance" and "resistance" in request.numbers:
+            resistance = request.between_terminals("resistance")
+            if name == "inductance" and resistance is not None:
                 ratio = size.time_factor / part["resistance"].typical
-                figure = part[name].scaled(ratio * request.numbers["resistance"].value)
+                figure = part[name].scaled(ratio * resistance.value)
                 figure = because(figure, "L / R of the class, scaled by the torque to the power 2/3")
             sheet.guess(section, key, figure, dimension, path="motor", name=f"{name} between two terminals")
+    if stated:
+        sheet.remarks.append(f"Winding: {'; '.join(stated)}.")
 
 
 def is_same_size(factor: float) -> bool:
@@ -206,10 +214,9 @@ def adapted(figure: Figure, same: bool) -> Figure:
     return figure if same else because(figure, f"the class's ({figure.reason}), scaled to this motor's size")
 
 
-def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, int]) -> dict[str, Figure]:
-    """Amplitudes of the parts of the cogging, N*m; what is stated of the main one scales the others."""
-    cogging = request.value("cogging")
-    shares = {key: part[key] for key in ("cogging", "slot_cogging", "pole_cogging") if key in part.figures}
+def _shares(part: Part, layout: tuple[int, int]) -> dict[str, Figure]:
+    """The parts of the cogging of a layout, as shares of the rated torque."""
+    shares = {key: part[key] for key in COGGING_PHASES if key in part.figures}
     factor = math.gcd(*layout) / math.gcd(*part.layouts[0])
     if factor != 1:
         slots, poles = layout
@@ -217,17 +224,42 @@ def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, 
             f"{shares['cogging'].reason}; scaled by the common divisor of {slots} slots and {poles} poles"
         )
         shares["cogging"] = because(shares["cogging"].scaled(factor), reason)
-    if cogging is None:
+    return shares
+
+
+def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, int]) -> dict[str, Figure]:
+    """Amplitudes of the parts of the cogging, N*m.
+
+    A stated cogging is half of peak to peak of the sum of all parts. It is split as the shares of the class
+    are; the ranges are those of splits with the least and the largest shares of the tolerances' orders.
+    """
+    total, shares = request.value("cogging"), _shares(part, layout)
+    if total is None:
         return {key: share_of(figure, torque) for key, figure in shares.items()}
-    ratio = cogging / part["cogging"].typical
-    others = {key: figure.scaled(ratio) for key, figure in shares.items() if key != "cogging"}
+    splits = [_split(total, shares, layout, end) for end in ("typical", "low", "high")]
+    text = request.numbers["cogging"].text
+    reason = f"its part of {text}, half of peak to peak of all orders together, split as in the class"
     return {
-        "cogging": Figure(typical=cogging, low=cogging, high=cogging, reason="", is_guess=False),
-        **{
-            key: because(figure, f"{figure.reason}; its share of the main order")
-            for key, figure in others.items()
-        },
+        key: Figure(
+            typical=splits[0][key],
+            low=min(split[key] for split in splits),
+            high=max(split[key] for split in splits),
+            reason=reason,
+            is_guess=True,
+        )
+        for key in splits[0]
     }
+
+
+def _split(total: float, shares: Mapping[str, Figure], layout: tuple[int, int], end: str) -> dict[str, float]:
+    """A cogging's parts, N*m, whose sum has this half of peak to peak.
+
+    `end`: of the ranges of the tolerances' shares, "low", "typical" or "high".
+    """
+    orders = cogging_orders(*layout)
+    ratios = {key: getattr(shares[key], "typical" if key == "cogging" else end) for key in orders}
+    scale = total / half_peak_to_peak(ratios, orders)
+    return {key: scale * ratio for key, ratio in ratios.items()}
 
 
 def share_of(figure: Figure, torque: float) -> Figure:
@@ -237,58 +269,97 @@ def share_of(figure: Figure, torque: float) -> Figure:
 
 
 def _cogging(
-    sheet: Sheet, request: Request, amplitudes: Mapping[str, Figure], slots: int, poles: int
+    sheet: Sheet, request: Request, part: Part, amplitudes: Mapping[str, Figure], layout: tuple[int, int]
 ) -> None:
+    slots, poles = layout
     why = {
         "cogging": f"least common multiple of {slots} slots and {poles} poles",
         "slot_cogging": "the slots: what uneven magnets add",
         "pole_cogging": "the poles: what uneven slots add",
     }
-    for place, (key, order) in enumerate(cogging_orders(slots, poles).items()):
+    is_stated, orders = "cogging" in request.numbers, cogging_orders(slots, poles)
+    for place, (key, order) in enumerate(orders.items()):
         section = sheet.section("[[motor.cogging]]")
         section.put("order", order, note=why[key])
         figure = amplitudes[key]
-        if key == "cogging" and "cogging" in request.numbers:
-            section.put("torque", request.numbers["cogging"].text)
-        elif figure.typical == 0:
+        if figure.typical == 0:
             section.put("torque", "0 N*m")
+        elif is_stated:
+            text = span(figure.low, figure.high, units.TORQUE)
+            section.put("torque", _torque_text(figure.typical), f"guess: {text}; {figure.reason}")
         else:
             path = f"motor.cogging.{place}"
             name = f"cogging, {order} waves a turn"
             sheet.guess(section, "torque", figure, units.TORQUE, path=path, name=name)
         if place:
-            section.put("phase", (SLOT_PHASE, POLE_PHASE)[place - 1], note="any")
+            section.put("phase", _phase(key), note="any")
+    if is_stated and amplitudes["cogging"].typical:
+        sheet.guesses.append(_split_variants(request, part, amplitudes["cogging"], layout))
+        parts_text = ", ".join(
+            f"{amount(amplitudes[key].typical, units.TORQUE)} of order {order}"
+            for key, order in orders.items()
+        )
+        total = request.numbers["cogging"].text
+        sheet.remarks.append(f"Cogging: {total}, half of peak to peak of the sum of {parts_text}.")
+
+
+def _torque_text(torque: float) -> str:
+    return amount(torque, units.TORQUE, count=TORQUE_DIGITS)
+
+
+def _phase(key: str) -> str:
+    return f"{COGGING_PHASES[key]:g} deg"
+
+
+def _waves(torques: Mapping[str, float], layout: tuple[int, int]) -> list[dict[str, Any]]:
+    """The parts of a cogging as the study has them. `torques`: amplitudes, N*m."""
+    return [
+        {
+            "order": order,
+            "torque": _torque_text(torques[key]),
+            **({"phase": _phase(key)} if place else {}),
+        }
+        for place, (key, order) in enumerate(cogging_orders(*layout).items())
+    ]
+
+
+def _split_variants(request: Request, part: Part, main: Figure, layout: tuple[int, int]) -> Guess:
+    """The same cogging in all, with more and with less of it in the main order."""
+    shares, total = _shares(part, layout), request.numbers["cogging"].value
+    variants = {
+        label: {"motor.cogging": _waves(_split(total, shares, layout, end), layout)}
+        for label, end in (("even magnets and slots", "low"), ("uneven magnets and slots", "high"))
+    }
+    return Guess(
+        key="motor.cogging.0.torque",
+        name=f"part of the cogging with {cogging_orders(*layout)['cogging']} waves a turn",
+        span=span(main.low, main.high, units.TORQUE),
+        variants=variants,
+    )
 
 
 def _layout_variants(
     others: list[tuple[int, int]],
     layout: tuple[int, int],
+    part: Part,
     amplitudes: Mapping[str, Figure],
     request: Request,
 ) -> Guess:
     """The same motor with other slots, or with other slots and poles, than those of `layout`."""
-    variants = {}
+    variants, total = {}, request.value("cogging")
     for slots, poles in others:
-        factor = 1.0 if "cogging" in request.numbers else math.gcd(slots, poles) / math.gcd(*layout)
-        waves = [
-            {
-                "order": order,
-                "torque": amount((1.0 if place else factor) * amplitudes[key].typical, units.TORQUE),
-                **_phase(place),
-            }
-            for place, (key, order) in enumerate(cogging_orders(slots, poles).items())
-        ]
-        change: dict[str, Any] = {"motor.slots": slots, "motor.cogging": waves}
+        if total is None:
+            torques = {key: figure.typical for key, figure in amplitudes.items()}
+            torques["cogging"] *= math.gcd(slots, poles) / math.gcd(*layout)
+        else:
+            torques = _split(total, _shares(part, (slots, poles)), (slots, poles), "typical")
+        change: dict[str, Any] = {"motor.slots": slots, "motor.cogging": _waves(torques, (slots, poles))}
         label = f"{slots} slots"
         if "pole-pairs" not in request.numbers:
             change["motor.pole_pairs"] = poles // 2
             label += f" and {poles} poles"
         variants[label] = change
     return Guess(key="motor.slots", name="number of slots", span=" or ".join(variants), variants=variants)
-
-
-def _phase(place: int) -> dict[str, str]:
-    return {"phase": (SLOT_PHASE, POLE_PHASE)[place - 1]} if place else {}
 
 
 def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:

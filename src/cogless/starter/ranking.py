@@ -103,8 +103,13 @@ def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share
 
 
 def shortened(study: Study) -> Study:
-    """The study with a run of at most RUN_TICKS_MOST periods, and its metrics in the last third of it."""
-    ((name, scenario),) = study.scenario.items()
+    """The study's first scenario alone, with a run of at most RUN_TICKS_MOST periods.
+
+    Where that is shorter than the study's, the metrics are taken in the last third of it.
+    """
+    name, scenario = next(iter(study.scenario.items()))
+    if len(study.scenario) > 1:
+        study = changed(study, {"scenario": {name: study.source.tables["scenario"][name]}})
     duration = min(scenario.duration, RUN_TICKS_MOST / study.drive.rates.current_loop)
     if duration == scenario.duration:
         return study

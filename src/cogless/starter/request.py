@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from cogless import units
 from cogless.catalogue import catalogue
 from cogless.errors import StudyError
+from cogless.starter.amounts import amount
 from cogless.starter.part_catalogue import Kind, parts
 from cogless.study.messages import toml_text
 from cogless.study.table import perhaps
@@ -33,11 +35,17 @@ class Number(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """A number as it was given: with its unit, and in SI."""
+    """A number as it was given: with its unit, and in SI. `per_phase`: of a phase, not between terminals."""
 
     text: str
     value: float
+    per_phase: bool = False
 
+
+PER_PHASE = re.compile(r"\s*(?:/|\bper)\s*phase\s*")
+OF_A_WINDING = ("resistance", "inductance")
+SEVERAL = re.compile(r",\s+|;\s*")  # between speeds
+EXACT_DIGITS = 6
 
 NUMBERS: dict[str, Number] = {
     "pole-pairs": Number(units.NONE, "", (1, 1000)),
@@ -71,18 +79,28 @@ NUMBERS: dict[str, Number] = {
 class Request:
     """Names and numbers of a study to write; what is missing is guessed.
 
-    `motor`, `drive`, `encoder`: names of the catalogue. `numbers`: by the names of `NUMBERS`.
+    `motor`, `drive`, `encoder`: names of the catalogue. `numbers`: by the names of `NUMBERS`. `faster`:
+    further speeds, each above the one before; the slowest is among the numbers.
     """
 
     motor: str
     drive: str
     encoder: str
     numbers: Mapping[str, Answer] = field(default_factory=dict)
+    faster: tuple[Answer, ...] = ()
 
     def value(self, name: str) -> float | None:
         """A number in SI, None if it is not given."""
         answer = self.numbers.get(name)
         return None if answer is None else answer.value
+
+    def between_terminals(self, name: str) -> Answer | None:
+        """Resistance or inductance of two phases in series, as in a datasheet; None if it is not given."""
+        answer = self.numbers.get(name)
+        if answer is None or not answer.per_phase:
+            return answer
+        dimension = NUMBERS[name].dimension
+        return Answer(amount(2 * answer.value, dimension, count=EXACT_DIGITS), 2 * answer.value)
 
 
 def names(kind: Kind) -> dict[str, str]:
@@ -104,8 +122,10 @@ def parse_number(name: str, text: str) -> Answer:
     number = NUMBERS[name]
     if number.bounds is not None:
         return _whole(name, text, number.bounds)
-    bare = units.NUMBER_AND_UNIT.fullmatch(text)
-    full = f"{text.strip()} {number.unit}" if bare and not bare.group(2) else text.strip()
+    per_phase = name in OF_A_WINDING and PER_PHASE.search(text)
+    amount_text = text[: per_phase.start()] if per_phase else text
+    bare = units.NUMBER_AND_UNIT.fullmatch(amount_text)
+    full = f"{amount_text.strip()} {number.unit}" if bare and not bare.group(2) else amount_text.strip()
     example = f'expected a number in {number.unit}, or with its unit, such as "1 {number.unit}"'
     try:
         value = units.parse(full, number.dimension)
@@ -114,7 +134,18 @@ def parse_number(name: str, text: str) -> Answer:
         raise RequestError(name, text, expected) from None
     if value < 0 or (value == 0 and not number.zero):
         raise RequestError(name, text, f"expected {'zero or more' if number.zero else 'more than zero'}")
-    return Answer(full, value)
+    return Answer(full, value, bool(per_phase))
+
+
+def parse_speeds(texts: Sequence[str]) -> tuple[Answer, ...]:
+    """One or several speeds, each once, the slowest first. A text has one, or several as in "5, 40"."""
+    parts = [part for text in texts for part in SEVERAL.split(text.strip())]
+    for part in parts:
+        if re.fullmatch(r"[0-9]+,[0-9]+\s*[^0-9,]*", part):
+            one, two = part.replace(",", "."), part.replace(",", ", ")
+            raise RequestError("speed", part, f'expected "{one}", or "{two}" for two speeds')
+    speeds = {answer.value: answer for answer in (parse_number("speed", part) for part in parts)}
+    return tuple(speeds[value] for value in sorted(speeds))
 
 
 def _whole(name: str, text: str, bounds: tuple[int, int]) -> Answer:

@@ -52,10 +52,15 @@ class Section:
 
 @dataclass
 class Sheet:
-    """Sections in the order of the file, and the guesses in them."""
+    """Sections in the order of the file, and the guesses in them.
+
+    `remarks`: sentences on how a number was understood. `doubts`: warnings of numbers that are unlikely.
+    """
 
     sections: list[Section] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
 
     def section(self, heading: str) -> Section:
         self.sections.append(Section(heading))

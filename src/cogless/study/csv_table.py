@@ -15,6 +15,7 @@ import re
 import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -169,29 +170,34 @@ class OverAngle:
     angle: tuple[float, ...]  # rad
     value: tuple[float, ...]  # SI
 
-    def harmonics(self, highest: int) -> list[tuple[float, float]]:
+    def harmonics(self, highest: int) -> tuple[tuple[float, float], ...]:
         """Amplitude (SI) and phase (rad) of each order from 0 to `highest`.
 
         An order is amplitude sin(order angle + phase); order 0 is the mean, with the phase pi/2. Equally
         spaced points are transformed as they are, others are interpolated by a periodic cubic spline first.
         `highest`: below half the number of points.
         """
-        import numpy as np
+        return _harmonics(self, highest)
 
-        angle, value = np.array(self.angle), np.array(self.value)
-        count, step = len(angle), TURN / len(angle)
-        if highest >= count / 2:
-            raise ValueError(f"expected orders below {count / 2:g}, half the number of points")
-        if np.abs(np.diff(angle) - step).max() > 1e-6 * step:
-            from scipy.interpolate import CubicSpline
 
-            spline = CubicSpline([*angle, angle[0] + TURN], [*value, value[0]], bc_type="periodic")
-            count *= 8
-            value = spline(angle[0] + TURN / count * np.arange(count))
-        order = np.arange(highest + 1)
-        waves = np.fft.rfft(value)[: highest + 1] / count * np.exp(-1j * order * angle[0])
-        waves[1:] *= 2
-        return [(float(abs(c)), float(np.angle(1j * c))) for c in waves]
+@lru_cache(maxsize=16)  # the runs of a study, and its changed copies, begin with the same tables
+def _harmonics(table: OverAngle, highest: int) -> tuple[tuple[float, float], ...]:
+    import numpy as np
+
+    angle, value = np.array(table.angle), np.array(table.value)
+    count, step = len(angle), TURN / len(angle)
+    if highest >= count / 2:
+        raise ValueError(f"expected orders below {count / 2:g}, half the number of points")
+    if np.abs(np.diff(angle) - step).max() > 1e-6 * step:
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline([*angle, angle[0] + TURN], [*value, value[0]], bc_type="periodic")
+        count *= 8
+        value = spline(angle[0] + TURN / count * np.arange(count))
+    order = np.arange(highest + 1)
+    waves = np.fft.rfft(value)[: highest + 1] / count * np.exp(-1j * order * angle[0])
+    waves[1:] *= 2
+    return tuple((float(abs(c)), float(np.angle(1j * c))) for c in waves)
 
 
 def read(path: Path, columns: Mapping[str, Dimension], key: str = "file") -> OverAngle:

@@ -99,15 +99,16 @@ OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys that metrics 
 
 def metrics(study: Study | TrialStudy) -> None:
     """Check that metrics have unique names in each scenario, and scenarios that exist."""
+    names = [result_name(metric) for metric in study.metric]
     for index, metric in enumerate(study.metric):
-        for scenario, other in product(study.scenario, study.metric[:index]):
-            applies = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
-            if result_name(metric) == result_name(other) and all(applies):
-                has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
+        namesakes = [study.metric[n] for n in range(index) if names[n] == names[index]]
+        for scenario, other in product(study.scenario, namesakes):
+            if all(m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other)):
+                has = "has" if metric.name == other.name else f"has in results.json: {names[index]}"
                 expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
                 raise invalid(expected, "metric", index, "name")
-        for other in study.metric[:index]:
-            if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
+        for other in namesakes:
+            if metric.meaning != other.meaning:
                 expected = "expected the kind, signal, order and frame of the other metric of this name"
                 raise invalid(expected, "metric", index, "name")
         if metric.scenarios == ():

@@ -306,11 +306,17 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
     other_K_3 = settings.K_3 is not None and not chooses_otherwise
     with _as_study_error(study, *run):
         if alike and (other_K_3 or same_gains(settings, before)):
-            gains = design_study(like, [run])[run].gains
+            gains = like.once(_own_gains, run)
             if settings.K_3 is not None:
                 gains = replace(gains, K_3=settings.K_3)
             return trial_parameters(uncertain_plant(like), settings, gains)  # the same, and made once
         return trial_parameters(uncertain_plant(study), settings, _gains_alone(study, settings))
+
+
+def _own_gains(study: TrialStudy, run: tuple[str, str]) -> TrialGains:
+    """A controller's gains; they need no certificate unless the scenario decides which are chosen."""
+    settings = settings_of(study, *run)
+    return design_study(study, [run])[run].gains if settings.chooses else _gains_alone(study, settings)
 
 
 def _gains_alone(study: TrialStudy, settings: TrialSettings) -> TrialGains:

@@ -347,7 +347,9 @@ def from_parameters(
         nominal = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
     missing = sorted(set(nominal) ^ set(ranges))
     if missing:
-        raise DesignError(f"nominal: expected the same parameters as the ranges, not {missing[0]}")
+        raise DesignError(
+            f"nominal: expected the parameters that have ranges, all and only: {missing[0]} differs"
+        )
     _check_period(period)
 
     def physical(parameters: Parameters) -> Model:

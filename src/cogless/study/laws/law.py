@@ -86,7 +86,8 @@ class Start(Table):
 
     @model_validator(mode="after")
     def _readable(self, info: ValidationInfo) -> Self:
-        if self.table is not None and info.context:
+        # pydantic also calls this of a table that a changed study takes over as it is
+        if self.table is not None and info.context and self._over_angle is None:
             self._over_angle = read(info.context["folder"] / self.table, TABLE_COLUMNS, "table")
         return self
 

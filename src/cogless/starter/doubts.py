@@ -1,0 +1,95 @@
+"""Numbers that are far from what motors of the class have: mostly a slip of the unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cogless import units
+from cogless.starter.amounts import SHORT_UNITS, amount, digits
+from cogless.starter.motor_rules import is_balanced
+from cogless.starter.motor_sections import MotorFacts
+from cogless.starter.request import NUMBERS, Request
+from cogless.units import Dimension
+
+UNLIKELY_FACTOR = 50.0  # beyond an end of the class's range
+LIKELY_FACTOR = 5.0  # within which another unit is what was meant
+OTHER_UNITS: dict[Dimension, tuple[str, ...]] = {units.INERTIA: ("kg*m^2", "kg*cm^2", "g*cm^2")}
+SLOTS_NEAR = 6  # slots, up and down, among which those of a balanced winding are looked for
+STAR_PHASES = 3
+
+
+def doubts(request: Request, motor: MotorFacts) -> list[str]:
+    """At most one sentence on a number that is far from the class's, and one on the slots."""
+    numbers = (
+        text
+        for flag, (low, high) in _usual(motor).items()
+        if flag in request.numbers and (text := _doubt(request, motor, flag, low, high))
+    )
+    return [*filter(None, [next(numbers, ""), _slots_doubt(request, motor)])]
+
+
+def _usual(motor: MotorFacts) -> dict[str, tuple[float, float]]:
+    """The least and the most of each number that motors of this class and size have, SI.
+
+    What the size is taken from comes first.
+    """
+    part, size = motor.part, motor.size
+    phases_in_series = 2 if motor.phases == STAR_PHASES else 1
+    figures = {
+        "rated-torque": part["rated_torque"],
+        "holding-torque": part["rated_torque"],
+        "resistance": part["resistance"].scaled(phases_in_series * size.resistance_factor),
+        "inductance": part["inductance"].scaled(phases_in_series * size.inductance_factor),
+        "inertia": part["inertia"].scaled(size.inertia_factor),
+    }
+    shares = {"cogging": part["cogging"], "detent-torque": part["cogging"], "friction": part["friction"]}
+    return {flag: (figure.low, figure.high) for flag, figure in figures.items()} | {
+        flag: (0.0, figure.high * size.torque) for flag, figure in shares.items()
+    }
+
+
+def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: float) -> str:
+    answer, dimension = request.numbers[flag], NUMBERS[flag].dimension
+    between = request.between_terminals(flag)
+    value = between.value if between is not None and motor.phases == STAR_PHASES else answer.value
+    if low / UNLIKELY_FACTOR <= value <= high * UNLIKELY_FACTOR:
+        return ""
+    ratio = value / high if value > high else low / value
+    what = "times the most" if value > high else "times less than the least"
+    end = amount(high if value > high else low, dimension)
+    meant = _meant(answer.text, dimension, low, high)
+    return (
+        f'--{flag}: "{answer.text}": {digits(ratio, 2)} {what} that is usual in such a motor, {end}'
+        f"{f'; if {meant} is meant, say so' if meant else ''}"
+    )
+
+
+def _meant(text: str, dimension: Dimension, low: float, high: float) -> str:
+    """The same number with the unit that makes it usual; "" if none does."""
+    match = units.NUMBER_AND_UNIT.fullmatch(text)
+    if match is None:
+        return ""
+    number = float(match.group(1))
+    for unit in OTHER_UNITS.get(dimension, SHORT_UNITS[dimension]):
+        if low / LIKELY_FACTOR <= number * units.factor(unit, dimension) <= high * LIKELY_FACTOR:
+            return f"{digits(number)} {unit}"
+    return ""
+
+
+def _slots_doubt(request: Request, motor: MotorFacts) -> str:
+    """A sentence on slots in which no winding has three equal phases."""
+    slots = int(request.value("slots") or 0)
+    if not slots or motor.phases != STAR_PHASES or is_balanced(slots, motor.pole_pairs):
+        return ""
+    near = [*_balanced_near(slots, motor.pole_pairs)]
+    such = f": expected a number such as {' or '.join(map(str, near))}" if near else ""
+    return f"--slots: {slots}: no winding has three equal phases with {2 * motor.pole_pairs} poles{such}"
+
+
+def _balanced_near(slots: int, pole_pairs: int) -> Iterator[int]:
+    """The next number of slots of a balanced winding below, and the next above."""
+    for direction in (-1, 1):
+        near = (slots + direction * distance for distance in range(1, SLOTS_NEAR + 1))
+        good = next((n for n in near if n >= STAR_PHASES and is_balanced(n, pole_pairs)), None)
+        if good is not None:
+            yield good
