@@ -10,7 +10,7 @@ import pytest
 from cogless import load, run_study
 from cogless.cli.printed import print_blocks, print_results
 from cogless.design.speed_blocks import speed_blocks
-from cogless.report import with_limits
+from cogless.report import with_learning_off, with_limits
 
 ROOT = Path(__file__).parents[2]
 
@@ -28,7 +28,8 @@ def _eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_run(capsys: pytest.CaptureFixture[str]) -> None:
-    print_results(with_limits(run_study(load("uomodri"), ["1-rev-s/*"], jobs=2)))
+    results = with_learning_off(run_study(load("uomodri"), ["1-rev-s/*"], jobs=2))
+    print_results(with_limits(results))
     printed = "\n".join(line.rstrip() for line in capsys.readouterr().out.splitlines())
     assert shown("first-run.md").rstrip() == printed.partition("\n\nAll 8 metrics")[0]
 

@@ -13,9 +13,10 @@ from cogless.errors import StudyError
 from cogless.live import candidates, keys, live_page
 from cogless.live import description as room
 from cogless.live.candidates import YOURS, Candidate
-from cogless.live.description import NEVER_LEARNS, Number, Packed
+from cogless.live.description import Number, Packed
 from cogless.live.keys import OTHER_SHAPE, Key, Landing
 from cogless.live.own_motor import POLE_PAIRS, Product
+from cogless.run.plan import NEVER_LEARNS
 
 PLACE = ("low", "pi", "run")
 NAMES = ("a", "b", "c", "d", "e", "f", "g", "h", "k", "few", "half")

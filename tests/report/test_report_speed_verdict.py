@@ -13,6 +13,8 @@ from test_report_orders import RATE, with_signals
 from cogless.report.comparison import Line, compare, remarks, runs_in
 from cogless.report.speed_verdict import Sensor
 from cogless.report.verdicts import change_words
+from cogless.results.metrics import result_name
+from cogless.results.runs import LearningOff
 
 room = import_module("cogless.report.speed_verdict")
 PI, FAIR, ILC = "PI as published", "PI re-tuned", "PI-ILC"  # the first is the baseline, the last learns
@@ -115,6 +117,31 @@ def case(study, *lines, worsened=()):
 )  # fmt: skip
 def test_the_first_sentence(study, given, worsened, tone, said):
     assert room._headline(case(study, line(**given), worsened=worsened)) == (tone, f"At 60 rpm, {said}")
+
+
+@pytest.mark.parametrize(
+    ("off", "tone", "said"),
+    [
+        (1.02, "even", f"as much as with learning off (1.02 rpm): its feedback, not its learning, leaves "
+         f"2.00 times less than {PI} (2.00 rpm)."),
+        (0.8, "worse", f"1.25 times as much as with learning off (0.800 rpm): its feedback, not its "
+         f"learning, leaves 2.00 times less than {PI} (2.00 rpm)."),
+        (4.0, "better", f"2.00 times less than {PI} (2.00 rpm) and 4.00 times less than with learning off "
+         "(4.00 rpm)."),
+        (None, "better", f"2.00 times less than {PI} (2.00 rpm) and with learning off it does not hold the "
+         "speed."),
+    ],
+)  # fmt: skip
+def test_the_best_law_stands_beside_itself_with_learning_off(study, off, tone, said):
+    """What its feedback alone does is no merit of its learning."""
+    metric = next(m for m in study.metrics_in("low-speed") if m.name == "speed_ripple")
+    value = None if off is None else off * np.pi / 30
+    beside = LearningOff("low-speed", "pi-ilc", result_name(metric), None, "omega_m", value)
+    of_learning = replace(case(study, line(pi=2, ilc=1)), off=beside)
+    start = f"At 60 rpm, {ILC} leaves 1.00 rpm of speed ripple, "
+    assert room._headline(of_learning) == (tone, start + said)
+    measured = replace(of_learning, off=replace(beside, signal="omega_measured"))
+    assert room._headline(measured) == room._headline(case(study, line(pi=2, ilc=1)))
 
 
 def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):

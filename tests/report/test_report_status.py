@@ -72,15 +72,15 @@ def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
     assert learning
     inside = [line for line in lines if line.span and line.span[1] > SINCE]
     assert inside and all(set(line.guarded) == set(learning) & set(line.values) for line in inside)
-    told = [line for line in remarks(held.study, lines) if line.startswith("the guard held the learning of")]
+    told = [
+        line for line in remarks(held.study, lines) if line.startswith("the guard paused the learning of")
+    ]
     assert len(told) == len(learning)
     label = held.study.label(learning[0])
-    assert told[0].startswith(
-        f"the guard held the learning of {label} back, 8.5 to 9.75 s, in the window of "
-    )
-    assert told[0].endswith(": what is left there is more than it settles at")
+    assert told[0].startswith(f"the guard paused the learning of {label}, 8.5 to 9.75 s, to compare ")
+    assert told[0].endswith("; see laws/guard.md")
     found = verdict(held, runs_in(held, WHERE))
-    assert any(line.startswith("The guard held the learning of") for line in found.details)
+    assert any(line.startswith("The guard paused the learning of") for line in found.details)
 
 
 def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_reason(made, monkeypatch):
@@ -91,7 +91,7 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     harms = replace(DESIGNS["speed"], likely_harm=lambda study, controller: "it learns orders 5 k")
     monkeypatch.setattr(comparison, "DESIGNS", {**DESIGNS, "speed": harms})
     for times, said in (
-        (1.24, "what is left there is more than it settles at"),
+        (1.24, "a longer run may leave less speed ripple"),
         (
             4.5,
             f"learning does harm here, 4.50 times the speed ripple of {base}",

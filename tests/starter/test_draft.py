@@ -166,6 +166,14 @@ def test_a_strangers_motor_holds_its_speed_or_says_why_not(tmp_path: Path, place
 # rules
 
 
+def test_a_rotor_that_is_a_little_slow_still_turns_once_in_the_window_of_orders(tmp_path: Path) -> None:
+    """A mean of 4.99 r/min in a window of exactly one turn has no orders."""
+    _, study = written(tmp_path, request("hub", "vesc", "as5048", speed="5"))
+    order = next(metric for metric in study.metric if metric.kind == "order")
+    assert order.last is not None and order.last * 0.97 * 5 / 60 > 1
+    assert all(metric.last == pytest.approx(12.0) for metric in study.metric if metric is not order)
+
+
 def test_a_step_motor_has_its_holding_torque_and_its_detent(tmp_path: Path) -> None:
     of = request(
         "nema17",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cogless.cli.terminal import new_console, print_fitted
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
     from cogless.design.blocks import Blocks
     from cogless.report import Line, Outcome
+    from cogless.report.verdicts import LearningHelps
     from cogless.results import AnyResults
     from cogless.study import AnyStudy
     from cogless.study.reading import Remark
@@ -43,7 +45,7 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
         if ends is not None:
             _print_outcome(study, ends)
         elif len(controllers) > 1 and (line := report.judged_line(results, scenario)) is not None:
-            _print_line(study, line, controllers)
+            _print_line(study, line, controllers, report.learning_off(results, scenario))
         if every_metric and lines:
             _print_metrics(study, lines, controllers)
             marked |= {*controllers}
@@ -66,8 +68,11 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
         print_text(f"All {numbers} metrics: in the report, or here with --all.")
 
 
-def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str]) -> None:
-    """Print a metric: each controller's value, and what that is beside the baseline's."""
+def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str], off: LearningHelps | None) -> None:
+    """Print a metric: each controller's value, and what that is beside the baseline's.
+
+    `off`: the best law with learning off, which has a row of its own.
+    """
     from rich.table import Table
     from rich.text import Text
 
@@ -84,6 +89,13 @@ def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str]) -> None
         remark = "did not hold the speed" if name in line.missed else remark
         remark = "learned nothing" if name in line.unlearned else remark
         style = "bold" if name in line.best else ""
+        if off is not None and off.controller == name:
+            plain = replace(line, values={**line.values, name: off.value})
+            ratio = plain.ratio(name, study.baseline)
+            value, against = plain.number(name), "" if ratio is None else change_words(ratio)
+            if off.value is None:
+                value, against = "-", "did not hold the speed"
+            table.add_row(Text(f"{study.label(name)}, learning off"), Text(value), Text(against))
         table.add_row(Text(study.label(name), style), Text(line.number(name) or "-", style), Text(remark))
     print()
     print_fitted(table)

@@ -95,7 +95,7 @@ def run(
                 failures, results = [error], error.results
             except RunDefect as error:  # what is finished is written before it is told
                 defect, results = error, error.results
-        results = with_limits(results, limits, jobs, place)
+        results = with_limits(_with_learning_off(results, place), limits, jobs, place)
         with deferred(WRITING) as requests:
             if results.runs:
                 try:
@@ -302,6 +302,21 @@ def with_limits(results: AnyResults, asked: bool | None, jobs: int, folder: Path
         return report.with_limits(results, asked is True, jobs, folder, tell)
 
 
+def _with_learning_off(results: AnyResults, folder: Path) -> AnyResults:
+    """The results, with what each scenario's best law leaves with its learning off."""
+    from cogless import report
+
+    if results.interrupted:
+        return results
+    with new_bar() as bar:
+        task = bar.add_task("", total=None)
+
+        def tell(scenario: str) -> None:
+            bar.update(task, description=f"{scenario}: with learning off")
+
+        return report.with_learning_off(results, folder, tell)
+
+
 def sentences(results: AnyResults) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario; none where no cause is known or stands out."""
     from cogless import report
@@ -342,6 +357,8 @@ def live(
     print(f"Page: {path}")
     if not closed and has_desktop():
         open_page(path)
+    elif not closed:
+        say("Open it in a browser.")
 
 
 def _limits(study: AnyStudy, asked: bool | None, jobs: int) -> dict[str, str]:

@@ -192,9 +192,6 @@ def _put(kind: Any) -> Callable[[_Packer, Any, str], None] | None:
     return next((put for base, put in KINDS if issubclass(kind, base)), None)
 
 
-NEVER_LEARNS = 1e9  # s, a learning_start that never comes
-
-
 def held(study: AnyStudy) -> list[Pair]:
     """The runs that a page can hold: all but those of the laws that `left_out` names."""
     return [pair for pair in every(study) if not study.once(why_not, pair[1])]

@@ -17,7 +17,7 @@ from cogless.control_library import C_LAWS, Status
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
 from cogless.live import engine, own_motor
-from cogless.live.description import NEVER_LEARNS, Packed, held, left_out
+from cogless.live.description import Packed, held, left_out
 from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.motor_classes import motor_classes
@@ -34,6 +34,7 @@ from cogless.report.speed_tracking import (
 )
 from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
+from cogless.run.plan import NEVER_LEARNS
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
 from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS, Metric, whole_revolutions

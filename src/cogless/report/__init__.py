@@ -11,7 +11,7 @@ from cogless.report.limit_sentences import remark
 from cogless.report.page import Outcome, Sections
 from cogless.report.speed import SPEED_SECTIONS
 from cogless.report.trials import TRIALS
-from cogless.report.verdicts import ScenarioVerdict
+from cogless.report.verdicts import LearningHelps, ScenarioVerdict
 from cogless.results import AnyResults
 from cogless.study import AnyStudy
 from cogless.study.base import Kind
@@ -25,6 +25,7 @@ __all__ = [
     "has_limits",
     "is_quick",
     "judged_line",
+    "learning_off",
     "limit",
     "lines",
     "outcome",
@@ -32,6 +33,7 @@ __all__ = [
     "render",
     "verdict",
     "verdicts",
+    "with_learning_off",
     "with_limits",
     "write",
     "write_plots",
@@ -78,6 +80,11 @@ def limit(results: AnyResults, scenario: str) -> Remark | None:
     return remark(results.study, results.limits[scenario])
 
 
+def learning_off(results: AnyResults, scenario: str) -> LearningHelps | None:
+    """A scenario's best law beside itself with learning off; None where no run tells of that."""
+    return _sections(results).learning_off(results, runs_in(results, scenario))
+
+
 def has_limits(study: AnyStudy) -> bool:
     """Whether `with_limits` can find something in results of this study."""
     return SECTIONS[study.kind].with_limits is not None
@@ -98,6 +105,19 @@ def with_limits(
     """
     search = _sections(results).with_limits
     return results if search is None else search(results, long, jobs, traces, progress)
+
+
+def with_learning_off(
+    results: AnyResults, traces: Path | None = None, progress: Callable[[str], None] | None = None
+) -> AnyResults:
+    """The results, with what the best law of each scenario leaves with its learning off, if it learns.
+
+    Each scenario takes one further run. A user's code is not executed again. In a study of trials every run
+    has its feedback beside it already. `traces`: as in `cogless.run.simulate.run_study`. `progress`: called
+    with each scenario. Ctrl-C ends it early.
+    """
+    further = _sections(results).with_learning_off
+    return results if further is None else further(results, traces, progress)
 
 
 def render(results: AnyResults) -> str:

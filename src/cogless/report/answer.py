@@ -45,6 +45,8 @@ def answer(results: Results, runs: Sequence[Run]) -> Answer | None:
         return None
     line = pair.line
     figures = [(run.controller, "", line.text(run.controller)) for run in pair.runs]
+    if pair.off is not None:
+        figures.insert(-1, (pair.off.controller, "learning off", pair.off.text))
     return Answer(figures, changed_by(pair), ", ".join(word for word in (line.quantity, line.window) if word))
 
 

@@ -1,4 +1,4 @@
-"""Further runs that find what limits the best run of each scenario."""
+"""Further runs of the best law of each scenario: with learning off, and to find what limits it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from cogless.report.speed_verdict import judged
+from cogless.errors import StudyError
+from cogless.report.speed_verdict import Judged, judged, value_in
 from cogless.results import Results
 from cogless.results.limits import Limits
+from cogless.results.metrics import result_name
+from cogless.results.runs import LearningOff
 from cogless.run.limit_search import limits
+from cogless.run.simulate import learning_off
 from cogless.study import AnyStudy
 
 TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
@@ -29,7 +33,7 @@ def with_limits(
             best = judged(results, scenario)
             if best is None or results.study.scenario[scenario].faults:
                 continue
-            run, metric, order = best
+            run, metric, order = best.run, best.metric, best.line.order
             if not (long or is_quick(results.study, scenario, run.controller)):
                 continue
             if progress is not None:
@@ -40,6 +44,48 @@ def with_limits(
     except KeyboardInterrupt:
         pass
     return replace(results, limits=by_scenario)
+
+
+def with_learning_off(
+    results: Results, traces: Path | None = None, progress: Callable[[str], None] | None = None
+) -> Results:
+    """As `cogless.report.with_learning_off`."""
+    by_scenario: dict[str, LearningOff] = {}
+    try:
+        for scenario in results.scenarios:
+            best = judged(results, scenario)
+            if best is None or results.study.scenario[scenario].faults:
+                continue
+            if results.study.controller[best.run.controller].code is not None:
+                continue
+            if progress is not None:
+                progress(scenario)
+            off = _learning_off(results, best, traces)
+            if off is not None:
+                by_scenario[scenario] = off
+    except KeyboardInterrupt:
+        pass
+    return replace(results, learning_off=by_scenario)
+
+
+def _learning_off(results: Results, best: Judged, traces: Path | None) -> LearningOff | None:
+    run, metric, line = best.run, best.metric, best.line
+    value = None
+    try:
+        off = learning_off(results.study, run.scenario, run.controller, traces)
+        if off is None:
+            return None
+        value = value_in(replace(results, runs=[off]), off, metric, line)
+    except StudyError:  # a feedback that diverges alone is one
+        pass
+    return LearningOff(
+        scenario=run.scenario,
+        controller=run.controller,
+        metric=result_name(metric),
+        order=line.order,
+        signal=line.signal,
+        value=value,
+    )
 
 
 def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:

@@ -70,6 +70,7 @@ SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"
 TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
+TOO_FEW_TURNS = "under one turn"  # in place of the value of an order
 EVENT_KINDS = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNT_KINDS = ("trials-to-floor", "trials-at-limit")
 QUANTITIES = {
@@ -103,6 +104,7 @@ class Line:
     `guarded`: the controllers whose learning the guard held back in that window, and when.
     `span`: the metric's time window, s; None if no run has a trace.
     `unjudged`: why no controller is better in it than another; "" if one may be.
+    `short`: the controllers that turned less than an order needs in that window.
     """
 
     name: str
@@ -118,6 +120,7 @@ class Line:
     guarded: Mapping[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
     unjudged: str = ""
+    short: frozenset[str] = frozenset()
 
     @property
     def title(self) -> str:
@@ -184,6 +187,8 @@ class Line:
             return ""
         value = self.values[controller]
         if value is None:
+            if controller in self.short:
+                return TOO_FEW_TURNS
             return "never" if self.kind in EVENT_KINDS else "not finite"
         return f"{value:.0f}" if self.kind in COUNT_KINDS else number(value)
 
@@ -216,9 +221,14 @@ def compare(results: Results, scenario: str) -> list[Line]:
             }
             back = {controller: when for controller, when in guarded_times.items() if when}
             own = lines_of(results.study, metric, taken, named)
+            short = frozenset(
+                run.controller for run in taken if too_few_turns(metric, run, rows_of(results, metric, run))
+            )
             why = unjudged(metric, taken[0], rows_of(results, metric, taken[0]), torque)
             lines += [
-                replace(line, missed=not_held, unlearned=idle, guarded=back, span=span, unjudged=why)
+                replace(
+                    line, missed=not_held, unlearned=idle, guarded=back, span=span, unjudged=why, short=short
+                )
                 for line in own
             ]
     return lines
@@ -228,6 +238,14 @@ def in_torque_mode(study: Study, run: Run, rows: slice) -> bool:
     """Whether an outer loop's current acts in some of these rows of a run, in place of the speed loop."""
     torque, time = study.scenario[run.scenario].torque_mode, run.trace.time[rows]
     return torque is not None and len(time) > 0 and torque.acts_within(float(time[0]), float(time[-1]))
+
+
+def too_few_turns(metric: Metric, run: Run, rows: slice) -> bool:
+    """Whether a run has no value of an order because its rotor turned less than one revolution on the way."""
+    if metric.kind != "order" or "theta_m" not in run.trace:
+        return False
+    theta = run.trace.part("theta_m", rows)
+    return len(theta) > 0 and bool(np.all(np.isfinite(theta)) and np.ptp(theta) < TURN)
 
 
 def unjudged(metric: Metric, run: Run, rows: slice, torque: bool = False) -> str:
@@ -297,9 +315,9 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
         for controller, when in line.guarded.items():
             by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
-        f"the guard held the learning of {study.label(c)} back, {when}, in the window of {within[0].quantity}"
-        f"{f' and {len(within) - 1} more' if len(within) > 1 else ''}: "
-        + (_harm(study, c, within) or "what is left there is more than it settles at")
+        f"the guard paused the learning of {study.label(c)}, {when}, to compare the ripple with that of the "
+        "feedback alone: "
+        + (_harm(study, c, within) or f"a longer run may leave less {within[0].quantity}; see laws/guard.md")
         for c, (when, within) in by_controller.items()
     ]
 

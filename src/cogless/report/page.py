@@ -18,7 +18,7 @@ from cogless.files import versions
 from cogless.report.charts import Picture
 from cogless.report.comparison import Line, runs_in
 from cogless.report.markup import asset, colours, key, note, place, table_rows, tint
-from cogless.report.verdicts import Answer, ScenarioVerdict, Told
+from cogless.report.verdicts import Answer, LearningHelps, ScenarioVerdict, Told
 from cogless.results import AnyResults, Run
 from cogless.results.results_json import run_id
 from cogless.study.base import StudyBase
@@ -112,6 +112,11 @@ def no_answer(results: Any, runs: Runs) -> Answer | None:
     return None
 
 
+def no_learning_off(results: Any, runs: Runs) -> LearningHelps | None:
+    """None: each run has its feedback beside it."""
+    return None
+
+
 def no_judged_line(results: Any, runs: Runs) -> Line | None:
     """None: the outcome says how the runs ended."""
     return None
@@ -128,8 +133,11 @@ class Sections:
     parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
     pictures: Mapping[str, Picture]
     outcome: Callable[[Any, Runs], Outcome | None] = no_outcome
+    # a further run of the best law of each scenario, with its learning off; None: the runs themselves have it
+    with_learning_off: Callable[..., AnyResults] | None = None
     # further runs that find what limits the best run of each scenario; None: nothing is known of that
     with_limits: Callable[..., AnyResults] | None = None
+    learning_off: Callable[[Any, Runs], LearningHelps | None] = no_learning_off  # the best law beside itself
     answer: Callable[[Any, Runs], Answer | None] = no_answer
     judged_line: Callable[[Any, Runs], Line | None] = no_judged_line  # the verdict compares by it
 

@@ -6,13 +6,13 @@ from typing import Any
 
 from cogless.report import angle_charts, map_charts, order_charts, tables
 from cogless.report.answer import answer, pictures
-from cogless.report.best_runs import with_limits
+from cogless.report.best_runs import with_learning_off, with_limits
 from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
 from cogless.report.page import Runs, Sections
 from cogless.report.speed_tracking import strip
-from cogless.report.speed_verdict import judged_line, verdict
+from cogless.report.speed_verdict import judged_line, learning_off, verdict
 from cogless.report.tables import line_table, term_tables
 from cogless.report.waveforms import events, marks, waveforms, zooms
 from cogless.results import Results
@@ -68,6 +68,8 @@ SPEED_SECTIONS = Sections(
     parts=_parts,
     pictures=SPEED_PICTURES,
     answer=answer,
+    learning_off=learning_off,
+    with_learning_off=with_learning_off,
     with_limits=with_limits,
     judged_line=judged_line,
 )

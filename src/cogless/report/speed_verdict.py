@@ -28,6 +28,7 @@ from cogless.report.comparison import (
     pretty,
     remarks,
     runs_in,
+    shown_in,
     speed_unit,
 )
 from cogless.report.faults import account
@@ -37,6 +38,7 @@ from cogless.report.verdicts import (
     EQUAL_DIFFERENCE,
     REPORTED_RATIO,
     Contest,
+    LearningHelps,
     ScenarioVerdict,
     change_words,
     listed,
@@ -45,7 +47,8 @@ from cogless.report.verdicts import (
     worst,
 )
 from cogless.results import Results, Run
-from cogless.results.metrics import evaluate
+from cogless.results.metrics import evaluate, result_name
+from cogless.results.runs import LearningOff
 from cogless.study import Study
 from cogless.study.metric import Conditions, Metric
 from cogless.study.reading import Remark
@@ -137,6 +140,7 @@ class _Case(Contest):
     lines: Sequence[Line]
     line: Line
     worsened: Mapping[str, float]  # controllers whose error stays above the baseline's: since when, s
+    off: LearningOff | None = None  # what the best one leaves with its learning off
 
     @property
     def unlearned(self) -> list[str]:
@@ -183,27 +187,48 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     return replace(broken, tone=tone, details=details, cost=compared.cost)
 
 
-def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] | None:
-    """The best run of a scenario, and the metric and order by which it is best; None if no run is."""
+@dataclass(frozen=True)
+class Judged:
+    """The best run of a scenario, and the metric and its line, with the order, by which it is best."""
+
+    run: Run
+    metric: Metric
+    line: Line
+
+
+def judged(results: Results, scenario: str) -> Judged | None:
+    """The best run of a scenario; None if no run is."""
     runs = runs_in(results, scenario)
     case = _seen_case(results, runs)
     best = next(iter(case.ranked or case.holding), None) if case is not None else None
     if case is None or best is None:
         return None
     metric = _metric_of(results, scenario, case.line)
-    return next(run for run in runs if run.controller == best), metric, case.line.order
+    return Judged(next(run for run in runs if run.controller == best), metric, case.line)
+
+
+def value_in(results: Results, run: Run, metric: Metric, line: Line) -> float | None:
+    """Another run's value, SI, by the line that judges a scenario; None if it did not hold the speed."""
+    own = next(other for other in compare(results, run.scenario) if other.name == metric.name)
+    if run.controller in own.missed:
+        return None
+    conditions = results.study.conditions(run.scenario)
+    value = _value(run, metric, line, line.signal or "", metric.kind, conditions)
+    return value if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)
 class Contrast:
     """The baseline and the best other controller, in this order, and the line that judges them.
 
-    Only one run, if the scenario has no other that holds the speed.
+    Only one run, if the scenario has no other that holds the speed. `off`: the best other controller beside
+    itself with learning off, where that was tried.
     """
 
     runs: Sequence[Run]
     metric: Metric
     line: Line
+    off: LearningHelps | None = None
 
 
 def contrast(results: Results, runs: Sequence[Run]) -> Contrast | None:
@@ -215,11 +240,24 @@ def contrast(results: Results, runs: Sequence[Run]) -> Contrast | None:
     others = [c for c in (*case.ranked, *case.holding) if c != base]
     names = [name for name in (base, *others[:1]) if name in line.values] or list(line.values)[:1]
     pair = [next(run for run in runs if run.controller == name) for name in names]
-    return Contrast(pair, _metric_of(results, runs[0].scenario, line), line)
+    off = learning_helps(case) if case.ranked else None
+    off = off if off is not None and off.controller == pair[-1].controller else None
+    return Contrast(pair, _metric_of(results, runs[0].scenario, line), line, off)
+
+
+def learning_off(results: Results, runs: Sequence[Run]) -> LearningHelps | None:
+    """A scenario's best law beside itself with learning off; None where no run tells of that."""
+    case = _seen_case(results, runs)
+    return learning_helps(case) if case is not None and case.ranked else None
 
 
 def changed_by(pair: Contrast) -> str:
-    """The second value against the first in words, such as "72.4 times less"; "" if they have no ratio."""
+    """The second value against the first in words, such as "72.4 times less"; "" if they have no ratio.
+
+    Where learning does not help, the value against that with learning off.
+    """
+    if pair.off is not None and pair.off.tone != "better":
+        return pair.off.remark
     if len(pair.runs) < 2:
         return ""
     before, after = (run.controller for run in pair.runs)
@@ -285,7 +323,8 @@ def _basis(results: Results, runs: Sequence[Run]) -> _Basis:
 def _case(results: Results, runs: Sequence[Run], basis: _Basis) -> _Case:
     assert basis.line is not None
     worse = {} if results.study.baseline in basis.line.missed else worsened(results, runs)
-    return _Case(results.study, basis.where, basis.lines, basis.line, worse)
+    off = results.learning_off.get(runs[0].scenario)
+    return _Case(results.study, basis.where, basis.lines, basis.line, worse, off)
 
 
 def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
@@ -370,10 +409,13 @@ def _headline(case: _Case) -> tuple[str, str]:
 def _comparison(case: _Case) -> tuple[str, str]:
     """The tone and the first sentence if controllers other than the baseline are ranked."""
     line, base, ranked, winners = case.line, case.baseline, case.ranked, case.winners
-    tone = case.tone(winners)
+    tone, off = case.tone(winners), learning_helps(case)
+    if off and tone == "better":
+        tone = off.tone
     if base not in ranked:
+        learning = f", {off.words}" if off else ""
         end = f"; {case.label(base)} did not hold the speed ({line.missed[base]}, {line.window})."
-        return tone, f"{case.where}, {_have(case)}{end}"
+        return tone, f"{case.where}, {_have(case)}{learning}{end}"
     if winners == ranked == case.holding and not line.missed:
         return tone, f"{case.where}, all are alike: {case.values_in_words(winners)} of {line.quantity}."
     if winners == [base]:
@@ -387,7 +429,39 @@ def _comparison(case: _Case) -> tuple[str, str]:
     roughly = "" if len(winners) == 1 else "about "
     ratio = case.against(winners[0], base)
     less = f"{roughly}{times(1 / ratio)} less than" if ratio else "against"
-    return tone, f"{case.where}, {_have(case)}, {less} {case.label(base)} ({line.text(base)})."
+    less += f" {case.label(base)} ({line.text(base)})"
+    if not off:
+        return tone, f"{case.where}, {_have(case)}, {less}."
+    if off.tone == "better":
+        return tone, f"{case.where}, {_have(case)}, {less} and {off.words}."
+    return tone, f"{case.where}, {_have(case)}, {off.words}: its feedback, not its learning, leaves {less}."
+
+
+def learning_helps(case: _Case) -> LearningHelps | None:
+    """The best law beside itself with learning off; None where no run tells of that."""
+    line, off = case.line, case.off
+    if (
+        off is None
+        or (off.signal, off.order) != (line.signal, line.order)
+        or off.controller not in case.winners
+    ):
+        return None
+    name = off.controller
+    whose = "with learning off" if len(case.winners) == 1 else f"{case.label(name)} with learning off"
+    if off.value is None:
+        words = "with learning off it does not hold the speed"
+        return LearningHelps(name, tone="better", words=words, text="not held", value=None)
+    metric = next(m for m in case.study.metrics_in(off.scenario) if result_name(m) == off.metric)
+    value = off.value / shown_in(case.study, metric)[1]
+    text = replace(line, values={name: value}).text(name)
+    share = ratio(line.values[name] or 0.0, value)
+    if share > 1 + EQUAL_DIFFERENCE:
+        tone, against = "worse", f"{times(share)} as much as"
+    elif share * (1 + EQUAL_DIFFERENCE) >= 1:
+        tone, against = "even", "as much as"
+    else:
+        tone, against = "better", f"{times(1 / share)} less than" if share else "against"
+    return LearningHelps(name, tone=tone, words=f"{against} {whose} ({text})", text=text, value=value)
 
 
 def _has(line: Line, values: str, several: bool = False) -> str:

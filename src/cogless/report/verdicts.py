@@ -50,6 +50,26 @@ class Answer:
 
 
 @dataclass(frozen=True)
+class LearningHelps:
+    """What learning does to the best law: the tone, and words such as "as much as with learning off (2 rpm)".
+
+    `text`: what it leaves with learning off, with the unit. `value`: the same number, None if it does not
+    hold the speed.
+    """
+
+    controller: str
+    tone: str
+    words: str
+    text: str
+    value: float | None
+
+    @property
+    def remark(self) -> str:
+        """The words without the value."""
+        return self.words.partition(" (")[0]
+
+
+@dataclass(frozen=True)
 class Contest:
     """The comparison of a scenario's controllers."""
 

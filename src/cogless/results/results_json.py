@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +53,7 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
             for run in results.runs
         ],
         **_not_designed(results),
+        **_learning_off(results),
         **_limits(results),
     }
 
@@ -68,6 +70,13 @@ def write(results: AnyResults, path: Path, files: Mapping[str, str] | None = Non
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _learning_off(results: AnyResults) -> dict[str, Any]:
+    """What each scenario's best law leaves with its learning off, SI; null: it did not hold the speed."""
+    if not results.learning_off:
+        return {}
+    return {"learning_off": [asdict(off) for off in results.learning_off.values()]}
 
 
 def _limits(results: AnyResults) -> dict[str, Any]:

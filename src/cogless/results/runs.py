@@ -54,6 +54,22 @@ class Run:
         object.__setattr__(self, "metrics", Metrics(self.metrics))
 
 
+@dataclass(frozen=True)
+class LearningOff:
+    """What a scenario's best learning law leaves with the same gains and its learning off.
+
+    It is by the metric that judges the scenario. `signal`: the metric's, or what the sensor shows of it where
+    that judges. `value`: SI; None: it did not hold the speed.
+    """
+
+    scenario: str
+    controller: str
+    metric: str  # its name in results.json
+    order: float | None
+    signal: str | None
+    value: float | None
+
+
 @dataclass(frozen=True, eq=False)
 class AnyResults:
     """A study of either kind and its finished runs. `interrupted`: some of its runs are missing."""
@@ -62,6 +78,7 @@ class AnyResults:
     runs: Sequence[Run]
     interrupted: bool = False
     limits: Mapping[str, Limits] = field(default_factory=dict, kw_only=True)
+    learning_off: Mapping[str, LearningOff] = field(default_factory=dict, kw_only=True)
     not_designed: Mapping[tuple[str, str], StudyError] = field(default_factory=dict, kw_only=True)
 
     @property
@@ -81,7 +98,10 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for."""
+    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for.
+
+    `learning_off`: what a scenario's best run leaves with its learning off, where that was tried.
+    """
 
     study: Study
 

@@ -100,6 +100,7 @@ def _of_table(study: Study, start: Start) -> StoredMap:
 
 
 REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
+NEVER_LEARNS = 1e9  # s, a learning_start that never comes
 PROGRESS_PERIOD = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
 RunProgress = Callable[[float], None]
@@ -274,6 +275,24 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
         description=description,
         **vars(study.timing(scenario)),
     )
+
+
+def learning_off_plan(study: Study, scenario: str, controller: str) -> Plan | None:
+    """The same run with the same gains, in which the law never learns.
+
+    None: the law does not learn during a run, or begins with what was learned before.
+    """
+    law = study.controller[controller]
+    if not law.learns or law.begins_with is not None or law.commissioning is not None:
+        return None
+    planned = _speed(study, scenario, controller, "run")
+    table = planned.description["controller"]
+    if "learning_start" not in table:
+        return None
+    description = {**planned.description, "controller": {**table, "learning_start": NEVER_LEARNS}}
+    with failures(study, scenario, controller):
+        drive = planned.engine.Drive(description, make_law(study, controller))
+    return replace(planned, drive=drive, description=description)
 
 
 def feedback_plan(study: TrialStudy, planned: Plan) -> Plan | None:

@@ -22,7 +22,7 @@ from cogless.results import AnyResults, Results, Run
 from cogless.results.runs import RESULTS
 from cogless.results.trace import TraceRoom
 from cogless.run.carry_out import carried_out, carried_out_together
-from cogless.run.plan import Plan, RunProgress, Stopped, memory_enough, plan
+from cogless.run.plan import Plan, RunProgress, Stopped, learning_off_plan, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study
 from cogless.study.table import perhaps
@@ -71,6 +71,26 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: RunProgr
     _check_names(study, scenario, controller)
     designs = _prepare(study, [(scenario, controller)])
     return _run(study, designs, scenario, controller, progress or (lambda share: None), Event())
+
+
+def learning_off(study: Study, scenario: str, controller: str, traces: Path | None = None) -> Run | None:
+    """The same run with the same gains, in which the law never learns; None if its law has no such run.
+
+    `traces` and Ctrl-C as in run_study, but Ctrl-C raises KeyboardInterrupt. StudyError: the run failed.
+    """
+    planned, stop = learning_off_plan(study, scenario, controller), Event()
+    if planned is None:
+        return None
+    room = TraceRoom(traces) if traces is not None else None
+
+    def carry_out() -> Run:
+        with memory_enough(study, scenario, controller):
+            return carried_out(planned, lambda share: None, stop, room)
+
+    (future,) = side_by_side([carry_out], 1, stop)
+    if stop.is_set():
+        raise KeyboardInterrupt
+    return future.result()
 
 
 @overload

@@ -65,6 +65,7 @@ RUN_TURNS = 6  # of the rotor in a run
 SHORTEST_RUN, LONGEST_RUN = 6.0, 60.0  # s
 LAST_SHARE = 1 / 3  # of the run, in which metrics are taken, at most
 LAST_LEAST = 2.0  # s, likewise, at least
+LAST_MARGIN = 1.05  # windows of orders are longer by it, so that a rotor that is a little slow turns once
 ROWS_MOST, ROWS_IN_WAVE = 300_000, 4
 TRACE_RATE_LEAST, TRACE_RATE_MOST = 500.0, 5000.0  # Hz
 OF_PHASES = {  # numbers that only a motor of so many phases has
@@ -570,7 +571,7 @@ def _metrics(sheet: Sheet, motor: MotorFacts, rpm: float, rows: float) -> None:
             section.put("better", "none")
     orders = [order for order in sorted(motor.orders) if ORDER_ROWS * order < rows * turn]
     if last >= turn * (1 - 1e-9) and orders:
-        section = _metric(sheet, "speed_order", "order", "omega_m", last)
+        section = _metric(sheet, "speed_order", "order", "omega_m", LAST_MARGIN * last)
         section.put("order", orders[:4])
         section.put("frame", "mechanical")
         section.put("unit", "rpm")
