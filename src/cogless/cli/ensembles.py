@@ -1,4 +1,4 @@
-"""`sweep` and `tune`: a study as many variants of itself."""
+"""`sweep` and `tune`: run a study in many variants."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def sweep(
     ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.
+    """Run a study in many variants, drawn as its vary table says: what spreads, and why.
 
     Writes sweep.parquet, a row for each run, and report.html. The same command goes on with a sweep that was
     ended, and with a larger -n adds to it.
