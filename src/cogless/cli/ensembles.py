@@ -1,4 +1,4 @@
-"""`sweep` and `tune`: a study as many variants of itself."""
+"""`sweep` and `tune`: run a study in many variants."""
 
 from __future__ import annotations
 
