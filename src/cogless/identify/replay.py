@@ -1,9 +1,9 @@
 """Play the logs on cogless's own engine, with the drive's own controller: how late are the currents logged?
 
 The balance tells the delay within half a period of a law that holds its currents. The described law, on the
-simulated motor, tells it within less. What the loop does to a value shows in the simulated logs, whose truth
-is known; where it stands out of its error there, it is taken off. A law that does not answer as described
-leaves all values as they are.
+simulated motor, and the balance together tell it within less. What the loop does to a value shows in the
+simulated logs, whose truth is known; where it stands out of its error there, it is taken off. A law that does
+not answer as described leaves all values as they are.
 """
 
 from __future__ import annotations
@@ -194,7 +194,14 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             )
             return _with_remark(first, cure), traces
         moving = [log for log in made.logs if log.dt]
-        late = lateness(moving, traces, _bandwidth(made), 1 / drive.rates.outer_loop, with_dead_time)
+        late = lateness(
+            moving,
+            traces,
+            _bandwidth(made),
+            1 / drive.rates.outer_loop,
+            with_dead_time,
+            first.values.get("delay"),
+        )
         if late.delay is None:
             break
         simulated = [
