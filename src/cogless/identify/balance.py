@@ -248,12 +248,12 @@ def _by_angle(
             visible = n * speed * log.dt < SEEN_PHASE
             slope += n / model.j * visible * (s * cosine - c * sine)
         if n in model.cogging:
-            pair = (cosine, sine) if seen is None else (cosine * seen, sine * seen)
-            for part, x in zip("cs", pair, strict=True):
-                columns["cogging", n, part] = -filtered(x)
+            share = np.ones(1) if seen is None else _faded(seen, model.width(log) / log.dt)
+            for part, x in zip("cs", (cosine, sine), strict=True):
+                columns["cogging", n, part] = -filtered(x * share)
             if seen is not None and np.mean(~seen) > 0.5 < np.mean(n * speed * log.dt < ALIASED_PHASE):
                 for part, x in zip("cs", (cosine, sine), strict=True):
-                    columns["own", n, part, log.name] = -filtered(x * ~seen)
+                    columns["own", n, part, log.name] = -filtered(x * (1 - share))
         if n in model.ripple:  # a wave of the magnet's flux, psi_d: by i_q, by its slope with i_d
             along = n / sensor.pole_pairs * direct
             columns["ripple", n, "c"] = -filtered(current * cosine - along * sine)
@@ -265,6 +265,15 @@ def _by_angle(
         for part, x in zip("cs", waves, strict=True):
             columns["encoder", n, part] = filtered(slope * x) - filtered(x, kernel.curvature)
     return columns
+
+
+def _faded(seen: NDArray[np.bool_], width: float) -> Array:
+    """The share of a wave that is modelled: 1 where it is seen, fading to 0 like the kernel, `width` in rows.
+
+    A kernel that hides a wave shows its end where it is cut off at once: a part of half a turn, whose place
+    is the same in all ramps over the same angles, and which an inertia takes up.
+    """
+    return np.asarray(gaussian_filter1d(seen.astype(np.float64), width, mode="nearest"))
 
 
 def angle_noise(log: Log, stretch: slice, step: float) -> float:
