@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -185,7 +186,12 @@ def test_list(printed: Printed) -> None:
     "name", ["", *(str(command.callback.__name__).rstrip("_") for command in app.registered_commands)]
 )
 def test_help(printed: Printed, name: str) -> None:
-    assert f"Usage: cogless {name}".strip() in printed(*filter(None, [name]), "--help")
+    text = printed(*filter(None, [name]), "--help")
+    assert f"Usage: cogless {name}".strip() in text
+    prose = [line.strip() for line in text.partition("\u256d")[0].splitlines()]
+    for line, after in itertools.pairwise(prose):
+        broken_early = line and after and len(f" {line} {after.split()[0]} ") <= COLUMNS
+        assert not broken_early, f"the terminal had room for more: {line}"
 
 
 # What a shell is told to complete: the words of a line, and the completions of the last.

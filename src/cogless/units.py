@@ -17,12 +17,12 @@ UNIT_TERM = r"[A-Za-zµμΩ]+(?:\^-?\d)?"
 SIGNS = str.maketrans({"²": "^2", "³": "^3", "⋅": "*", "·": "*"})
 JOINED = re.compile(rf"(?<![A-Za-z]){UNIT_TERM}(?:[.-]{UNIT_TERM})+")
 EXPONENT = re.compile(r"(?<=[A-Za-zµμ])(?=[23](?![A-Za-z0-9]))")
-FORCE, LENGTH = r"[mcku]?N|k?gf?|ozf?|lbf?", r"cm|mm|m|in|ft"
+FORCES, LENGTHS = r"[mcku]?N|k?gf?|ozf?|lbf?", r"cm|mm|m|in|ft"
 GLUED = re.compile(
-    rf"(?<![A-Za-zµμ])(?:({FORCE})({LENGTH})(s?)|(in|ft)(ozf?|lbf?)()|([mkuµμ]?V)(s)())(\^-?\d)?(?![A-Za-z])"
+    rf"(?<![A-Za-zµμ])(?:({FORCES})({LENGTHS})(s?)|(in|ft)(ozf?|lbf?)()|([mkuµμ]?V)(s)())(\^-?\d)?(?![A-Za-z])"
 )
 GRAM = "gm"  # to some; it may not be read as a gram times a meter
-MASS = re.compile(r"(?<![A-Za-z])([mk]?)(oz|lb|g)s?(?![A-Za-z])")  # or the weight of it, where a force fits
+MASSES = re.compile(r"(?<![A-Za-z])([mk]?)(oz|lb|g)s?(?![A-Za-z])")  # or the weight of it, where a force fits
 UNIT_WORD = re.compile("[A-Za-zµμΩ]+")
 SYMBOLS = re.findall(r"\S+", "m s A g K rad deg rev min h rpm Hz N Nm J W V ohm H Wb oz lb in ft")
 LONGEST_MISSPELT = 4  # words of a unit
@@ -82,6 +82,10 @@ THERMAL_RESISTANCE = Dimension("a thermal resistance", "K/W")
 HEAT_CAPACITY = Dimension("a heat capacity", "J/K")
 INERTIA = Dimension("an inertia", "kg*m^2")
 STIFFNESS = Dimension("a torsional stiffness", "N*m/rad")
+LENGTH = Dimension("a length", "m", "mm")
+MASS = Dimension("a mass", "kg")
+FORCE = Dimension("a force", "N")
+BELT_STIFFNESS = Dimension("a stiffness", "N/m", "N/mm")
 VISCOUS_FRICTION = Dimension("a viscous friction", "N*m*s/rad", also=("N*m*s",))
 CURRENT_GAIN = Dimension("a gain of the current loop", "V/A")
 CURRENT_INTEGRAL_GAIN = Dimension("an integral gain of the current loop", "V/A/s")
@@ -264,7 +268,7 @@ def _spellings(word: str) -> list[str]:
 
 
 def _with_forces(unit: str) -> str:
-    return MASS.sub(r"\1\2f", _spelled_out(unit))
+    return MASSES.sub(r"\1\2f", _spelled_out(unit))
 
 
 def _spelled_out(unit: str) -> str:

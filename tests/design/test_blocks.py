@@ -25,7 +25,8 @@ from cogless.study import Study, TrialStudy
 from cogless.study.reading import Remark
 
 FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
-YES = r"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm, by a model without the inverter's dead time"
+LATER = r" or later \(not in the model: dead time, current noise"
+YES = rf"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm{LATER}\)"
 REACH = r"; it learns up to 25000 rpm$"
 
 
@@ -78,7 +79,7 @@ def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | No
 @pytest.mark.parametrize(
     ("change", "answer"),
     [
-        ({}, r"yes, in about .*, orders 6, 12 to \d+; it learns up to \d+ rpm$"),
+        ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\); it learns up to \d+ rpm$"),
         (
             {"gamma": -0.1},
             "no, because at 15 rpm not all orders need converge where the inertia is 50 % off",

@@ -189,7 +189,12 @@ def test_files_that_do_not_fit_are_one_line(
     new = tmp_path / "new.json"
     new.write_text(json.dumps(NEW))
     cases = {
-        (log, "--drive-config", new): f"{new}: of firmware 0.6: expected that of the drive of {log}",
+        (
+            log,
+            "--drive-config",
+            new,
+        ): f"{new}: a configuration of firmware 0.6: expected that of the drive "
+        f"that recorded {log}, with firmware 0.5",
         (log,): f"{log}: a log of ODrive: expected --drive-config FILE, the JSON",
         (log, "--drive-config", config): f"{config}: axis0.motor.config.current_lim or",
         (log, other, "--drive-config", config): f"{log}: axes 0, 1: expected the logs of one axis",

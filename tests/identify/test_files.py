@@ -208,7 +208,7 @@ GUESSES = {
         '"s A" is a row of units. It is not used: the units are those of --config.',
         "commas are taken for decimal points.",
     ],
-    "half a line": ["the last line ends before its end, and is left out."],
+    "half a line": ["the last line is incomplete, and is left out."],
     "text before the heading": ['the text before the heading, from "Bench 3, run 7" on, is left out.'],
     "a heading between rows": ["the heading comes 3 times; those between rows are left out."],
     "times of day": ['t: "00:00:00.000" is read as hours, minutes and seconds.'],
@@ -303,7 +303,7 @@ SPACED = "spaces are taken for the separators of columns."
         ("t x y\n0,0 1,5 7\n0,1 2,5 8\n", [SPACED, "commas are taken for decimal points."]),
         (
             "t x y\n0.0 1.5 7\n0.1 2.5 8\n0.2 3\n",
-            [SPACED, "the last line ends before its end, and is left out."],
+            [SPACED, "the last line is incomplete, and is left out."],
         ),
         ("# a scope\nBench 3\nt x y\n\n0.0 1.5 7 \n  t  x  y\n0.1 2.5 8\n", None),
     ],

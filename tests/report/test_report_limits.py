@@ -74,7 +74,8 @@ def told(results, *arguments, **keys):
 def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results):
     with_them = replace(results, limits={"turn": limits([("sensor-steps", 1.0)])})
     (verdict,) = verdicts(with_them)
-    sentence = "What limits “PI, high”: it would leave 1.00 rpm without the position sensor's steps."
+    would = "instead of 10.0 rpm it would leave 1.00 rpm without the position sensor's steps"
+    sentence = f"What limits “PI, high”: {would}."
     assert verdict.details[0] == sentence and sentence not in verdicts(results)[0].details
     page = render(with_them)
     assert page.index(verdict.headline.split(",")[0]) < page.index("What limits") < page.index("<h2>Numbers")
@@ -89,9 +90,9 @@ def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results
         ([("sensor-steps", 3.0), ("sensor-error", 3.0)], "without the position sensor's steps and 3.00 rpm"),
         (
             [("disturbance", 1.0), ("learning-time", 1.5)],
-            "What limits “PI, high”: it would leave 1.50 rpm without what is not learned yet.",
+            "What limits “PI, high”: instead of 10.0 rpm it would leave 1.50 rpm in a longer run.",
         ),
-        ([("disturbance", 1.0), ("delay", 8.0)], "1.00 rpm without torque ripple that is not rejected"),
+        ([("disturbance", 1.0), ("delay", 8.0)], "1.00 rpm without any torque ripple"),
     ],
 )
 def test_causes_with_a_clear_share_are_named(results, causes, words):
@@ -102,8 +103,8 @@ def test_causes_with_a_clear_share_are_named(results, causes, words):
 def test_two_causes_of_which_each_covers_the_other_are_named_as_a_pair(results):
     pair = [("sensor-steps + disturbance", 2.0), ("delay", 9.4), ("sensor-steps + delay", 9.0)]
     assert told(results, pair) == (
-        "What limits “PI, high”: it would leave 2.00 rpm without both the position sensor's steps and torque "
-        "ripple that is not rejected."
+        "What limits “PI, high”: instead of 10.0 rpm it would leave 2.00 rpm without both the position "
+        "sensor's steps and torque ripple."
     )
 
 

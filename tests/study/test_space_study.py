@@ -13,6 +13,7 @@ import studies
 from cogless.errors import StudyError
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
+from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.drive import Belief
 from cogless.study.motion import course
@@ -65,6 +66,87 @@ def test_a_step_motor_with_a_saliency_and_gaps_among_its_harmonics() -> None:
     assert (cogging.order, cogging.torque) == (250, pytest.approx(-0.5 * 50 * 4 * 5 * 1e-3))
     belief = Belief.model_validate({"R_s": "1.2 ohm", "L_q": "0.5 mH", "psi_f": "8 mWb"}).resolved(star)
     assert (belief.R_s, belief.L_d, belief.L_q, belief.psi_f) == pytest.approx((1.2, 0.8e-3, 0.5e-3, 8e-3))
+
+
+DATASHEET = {
+    "kind": "step",
+    "step_angle": "1.8 deg",
+    "R_s": "1 ohm",
+    "L_0": "1 mH",
+    "holding_torque": "0.59 N*m",
+    "rated_current": "2 A",
+    "detent_torque": "6 mN*m",
+}
+
+
+def test_a_step_motor_in_the_words_of_its_datasheet() -> None:
+    """L_m1 = 4.17193 mH and L_f4 = 60 uH hold .590 N m and have a detent of 6 mN m, measured in runs."""
+    words = {key: DATASHEET[key] for key in ("kind", "R_s", "L_0")}
+    plain = {**words, "teeth": 50, "L_m": ["4.17193 mH"], "L_f": ["60 uH"]}
+    star, other = (StepMotor.model_validate(motor).star() for motor in (DATASHEET, plain))
+    assert star.pole_pairs == other.pole_pairs == 50
+    assert star.K_t == pytest.approx(other.K_t, rel=1e-5)
+    assert star.cogging == (pytest.approx(other.cogging[0]),)
+    assert star.K_t * 2 * math.sqrt(2) == pytest.approx(0.59)
+
+
+def test_a_third_harmonic_that_turns_backwards_and_the_detent_by_the_coils_own_fluxes(tmp_path: Path) -> None:
+    """The torque of each coil is its current times the slope of its flux; both are alike."""
+    motor = {**DATASHEET, "L_m_backward": ["0 mH", "0 mH", "0.3 mH"]}
+    trace = simulate(studies.study(tmp_path, {"motor": motor}), "low", "pi").trace
+    theta_e = 50 * trace["theta_m"]
+    i_a = trace["i_d"] * np.cos(theta_e) - trace["i_q"] * np.sin(theta_e)
+    i_b = trace["i_d"] * np.sin(theta_e) + trace["i_q"] * np.cos(theta_e)
+    first, third = 0.59 / (math.sqrt(2) * 2 * 50), 0.3e-3  # Wb
+
+    def slope(angle: Any) -> Any:
+        """Of the flux of a coil whose axis lies at zero, over the mechanical angle."""
+        return -50 * (first * np.sin(angle) + 3 * third * np.sin(3 * angle))
+
+    torque = i_a * slope(theta_e) + i_b * slope(theta_e - math.pi / 2) - 6e-3 * np.sin(4 * theta_e)
+    assert trace["tau_motor"] == pytest.approx(torque, rel=1e-9, abs=1e-12)
+    assert np.ptp(trace["i_q"]) > 0.01
+
+
+TEETH = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
+STEP_ANGLE = 'expected 360 deg over four times the teeth, such as "1.8 deg"'
+MAGNET = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"step_angle": None}, f"teeth: missing: {TEETH}"),
+        ({"teeth": 50}, f"teeth: 50: {TEETH}"),
+        ({"step_angle": "1.7 deg"}, f'step_angle: "1.7 deg": {STEP_ANGLE}'),
+        ({"step_angle": "-1.8 deg"}, f'step_angle: "-1.8 deg": {STEP_ANGLE}'),
+        ({"step_angle": "0 deg"}, f'step_angle: "0 deg": {STEP_ANGLE}'),
+        ({"rated_current": None},
+            "rated_current: missing: expected the direct current of each phase at the holding torque, such "
+            'as "1.5 A"'),
+        ({"holding_torque": None}, f"L_m: missing: {MAGNET}"),
+        ({"L_m": ["5 mH"]}, f'L_m: ["5 mH"]: {MAGNET}'),
+        ({"L_f": ["5 mH"]}, 'L_f: ["5 mH"]: expected none, since detent_torque is given'),
+    ],
+)  # fmt: skip
+def test_words_of_a_step_motor_that_do_not_go_together(
+    tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    motor = {key: value for key, value in {**DATASHEET, **change}.items() if value is not None}
+    assert line_of(tmp_path, {"motor": motor}) == f"motor.{message}"
+
+
+def test_a_change_of_one_word_replaces_the_other(tmp_path: Path) -> None:
+    path = studies.write(tmp_path)
+    for key, value, K_t, teeth in (
+        ("teeth", 100, 0.59 / math.sqrt(8), 100),
+        ("L_m", ["5 mH"], 0.25, 50),
+        ("L_f", ["90 uH"], 0.59 / math.sqrt(8), 50),
+    ):
+        star = load(path, {"motor": DATASHEET, f"motor.{key}": value}).motor.star()
+        assert (star.K_t, star.pole_pairs) == (pytest.approx(K_t), teeth)
+        if key == "L_f":
+            assert star.cogging[0].torque == pytest.approx(-9e-3)
 
 
 SINE = {"offset": "3 rad/s", "amplitude": "1 rad/s", "frequency": "2 Hz"}

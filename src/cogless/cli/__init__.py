@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from typing import Annotated
 
@@ -45,6 +46,11 @@ def _options(
     pass
 
 
+def _paragraphs(text: str) -> str:
+    """A docstring with each paragraph in one line, which the terminal then breaks at its own width."""
+    return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
+
+
 # in the order of `cogless --help`
 for command in (
     new,
@@ -64,4 +70,4 @@ for command in (
     calibrate,
     map_,
 ):
-    app.command(command.__name__.rstrip("_"))(command)
+    app.command(command.__name__.rstrip("_"), help=_paragraphs(command.__doc__ or ""))(command)

@@ -1,4 +1,4 @@
-"""`sweep` and `tune`: a study as many variants of itself."""
+"""`sweep` and `tune`: run a study in many variants."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def sweep(
     ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.
+    """Run variants of a study, drawn by its vary table, and show what spreads and why.
 
-    Writes sweep.parquet, a row for each run, and report.html. The same command goes on with a sweep that was
-    ended, and with a larger -n adds to it.
+    Writes sweep.parquet, a row for each run, and report.html. Call it again to go on
+    where it stopped, or with a larger -n to add variants.
     """
     from cogless.ensemble import sweep as sweeping
     from cogless.ensemble import sweep_table
@@ -94,10 +94,10 @@ def tune(
     dask: DaskOption = None,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Choose gains as a study's tune table says, and show on fresh variants what they are worth.
+    """Choose gains by a study's tune table, and try them on variants that did not choose them.
 
-    Writes STUDY-tuned.toml, the same file with the better values, and report.html, before beside after. The
-    same command goes on with a tuning that was ended.
+    Writes STUDY-tuned.toml, the same file with the better values, and report.html, before beside after. Call
+    it again to go on where it stopped.
     """
     from cogless.ensemble import search, sweep_table
     from cogless.ensemble import tune as tuning

@@ -63,7 +63,7 @@ def identify(
 ) -> None:
     """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
 
-    Of a printer's axis, from an accelerometer's logs, the correction of its step motor instead.
+    From an accelerometer's logs of a printer's axis: the correction of its step motor.
     Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
     tell is left out, with a sentence on what to record.
     """

@@ -168,16 +168,17 @@ def stripe(
 ) -> None:
     """Say what makes a stripe on a print: an order of the motor, a belt tooth, the pulley, or ringing."""
     from cogless import units
-    from cogless.printer.axis import CARRIAGE_SPEED, CARRIAGE_WAY, rotor_teeth
+    from cogless.printer.axis import CARRIAGE_SPEED
     from cogless.printer.stripe import stripe_causes
+    from cogless.study.motor import teeth_of
 
     angle = _quantity("--step-angle", step_angle, units.ANGLE)
-    if rotor_teeth(angle) is None:
+    if teeth_of(angle) is None:
         raise StudyError(
-            f'--step-angle: "{step_angle}": expected 360 deg over a whole multiple of 4, such as "1.8 deg"'
+            f'--step-angle: "{step_angle}": expected 360 deg over four times the teeth, such as "1.8 deg"'
         )
     length, velocity = (
-        _quantity("--spacing", spacing, CARRIAGE_WAY),
+        _quantity("--spacing", spacing, units.LENGTH),
         _quantity("--speed", speed, CARRIAGE_SPEED),
     )
     causes = stripe_causes(
@@ -185,7 +186,7 @@ def stripe(
         velocity,
         pulley_teeth=pulley,
         step_angle=angle,
-        belt_pitch=_quantity("--belt-pitch", belt_pitch, CARRIAGE_WAY),
+        belt_pitch=_quantity("--belt-pitch", belt_pitch, units.LENGTH),
         diagonal=diagonal,
     )
     print(f"{1e3 * length:.3g} mm at {1e3 * velocity:.3g} mm/s: {velocity / length:.0f} Hz.")

@@ -1,8 +1,9 @@
 """How long a law learns until nine tenths of the ripple that it will take away are gone.
 
 The models are those of ripple.py and learning_loop.py. Under the law `harmonic` an order's amplitude fades
-as exp(-Re Gamma rate t / 2), with Gamma of laws/harmonic_transfer.py. The models are for small signals: they
-don't have the voltage that dead time loses (tests/design/test_settling.py has both).
+as exp(-Re Gamma rate t / 2), with Gamma of laws/harmonic_transfer.py. The models are for small signals, and
+`left_out` names what they lack of a drive. Without that, runs of drafts of `cogless new` settle within a turn
+and twice the time; with it some take ten times as long (tests/design/test_settling.py has both).
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.law_rules import feedback_of
-from cogless.design.laws.harmonic import Certificate, harmonic_gains
+from cogless.design.laws.harmonic import Certificate, harmonic_gains, loses_voltage
 from cogless.design.laws.harmonic_transfer import gamma
 from cogless.design.learning_loop import LearningLoop
 from cogless.design.ripple import orders, responses, ripple
 from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import judged
-from cogless.study import Study
+from cogless.study import Study, for_scenario
+from cogless.study.position_sensor import Counted, Hall
 
 REMAINING_SHARE = 0.1  # of the ripple that learning takes away, left when it counts as settled
 SETTLING_STEPS_MOST = 1 << 20  # learning periods, or thousandths of a time constant
@@ -54,6 +56,33 @@ def settling(study: Study, name: str, certified: Certificate | None = None) -> l
             times[omega] = max(time, times.get(omega, 0.0))
     speeds = sorted(times)
     return [Settling(omega, times[omega]) for omega in dict.fromkeys([*speeds[:1], *speeds[-1:]])]
+
+
+def left_out(study: Study, name: str) -> list[str]:
+    """What the drive of a controller's scenarios has and the model of its settling time lacks, in words."""
+    drives = [for_scenario(study, scenario) for scenario in study.scenarios_of(name)]
+    sensors = [one.drive.position_sensor for one in drives]
+    phases = [one.drive.current_sensors for one in drives if not one.drive.ideal]
+    # the model of the other laws has the noise of counts: ripple.py
+    over_counts = study.controller[name].learns_every_order
+    of_sensor = {
+        "steps": over_counts and any(isinstance(one, Counted | Hall) for one in sensors),
+        "error": any(map(_errs, sensors)),
+    }
+    parts = [word for word, present in of_sensor.items() if present]
+    lacks = {
+        "dead time": any(loses_voltage(one) for one in drives),
+        "current noise": any(sensor.noise or sensor.bits for sensor in phases),
+        f"the position sensor's {' and '.join(parts)}": bool(parts),
+    }
+    return [words for words, present in lacks.items() if present]
+
+
+def _errs(sensor: object) -> bool:
+    """Whether a position sensor has an error that repeats with the angle."""
+    if isinstance(sensor, Hall):
+        return any(sensor.placement)
+    return isinstance(sensor, Counted) and bool(sensor.fields()["error"] or sensor.fields()["error_table"])
 
 
 def _time_of_harmonic(

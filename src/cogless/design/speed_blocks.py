@@ -8,8 +8,8 @@ from cogless import units
 from cogless.design.blocks import Block, Blocks, margin_words
 from cogless.design.design_table import notes_below, shown_gain
 from cogless.design.law_rules import Gain
-from cogless.design.laws.harmonic import LEARNER, loses_voltage
-from cogless.design.settling import settling
+from cogless.design.laws.harmonic import LEARNER
+from cogless.design.settling import left_out, settling
 from cogless.design.summary import Design, current_loop_summary, summary
 from cogless.design.verdict import Kind
 from cogless.design.warnings import told_apart
@@ -74,7 +74,7 @@ def _certified(study: Study, name: str, design: Design) -> str:
         return design.certificate.words()
     orders = design.certificate.learner.order_words
     if design.certificate.fine:
-        return f"yes{_times(study, name, design)}, {orders}{_reach(study, design)}"
+        return f"yes, {orders}{_times(study, name, design)}{_reach(study, design)}"
     bad = next(speed for speed in speeds if not speed.fine)
     at = speed_text(study, bad.omega_m)
     if bad.snaps is not None:
@@ -93,7 +93,8 @@ def _times(study: Study, name: str, design: Design) -> str:
     ]
     if not times:
         return ""
-    slower = ", by a model without the inverter's dead time" if loses_voltage(study) else ""
+    lacks = left_out(study, name)
+    slower = f" or later (not in the model: {', '.join(lacks)})" if lacks else ""
     return f", in about {' and '.join(times)}{slower}"
 
 

@@ -28,6 +28,7 @@ from cogless.drives.adapter import (
     text_of,
 )
 from cogless.drives.encoder_table import write_moteus
+from cogless.drives.fault_rows import Faults, faults, numbers
 from cogless.drives.firmware_laws import MOTEUS_ENTRIES, MoteusTable
 from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
 from cogless.drives.moteus_dump import DUMP_HINT, Dump, gains, read_dump, tables
@@ -43,6 +44,8 @@ ENTRY_MOST = 127
 STATS_CHANNEL, POSITION_CHANNEL = "servo_stats", "motor_position"
 STATS_SIGNALS = {"position", "velocity", "q_A", "d_A", "bus_V"}
 REGISTERS = {"position": "POSITION", "velocity": "VELOCITY", "q_A": "Q_CURRENT", "d_A": "D_CURRENT"}
+MODE, FAULT = "mode", "fault"  # flags of servo_stats; in small letters the registers of both
+FAULT_MODE, POSITION_MODE = 1, 10
 OVERLAY_SPREAD = 0.2  # rad rms of single rows; beyond it the channels are not of one log
 ENDS_APART = 0.5  # s, by which one channel's last row may come before the other's: slow ones have 100 ms
 CHANNEL_ROWS_LEAST = 3  # a channel with fewer is no log
@@ -134,7 +137,8 @@ def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
         headings = set(read(path, [])[0].headings)
         if {"timestamp", "q_A"} <= headings:
             names = ["timestamp", *sorted(STATS_SIGNALS)]
-            stats[path] = read_columns(path, names, ["timestamp", "position", "q_A"], "moteus")
+            log = read_columns(path, names, ["timestamp", "position", "q_A"], "moteus")
+            stats[path] = _before_faults(path, log, "timestamp", [MODE, FAULT])
         elif "timestamp" in headings and any(name.startswith("sources.") for name in headings):
             names = ["timestamp", _filtered(dump)]
             positions[path] = read_columns(path, names, names, "moteus")
@@ -186,6 +190,7 @@ def _registers(path: Path, dump: Dump) -> Channels:
     encoder = f"ENCODER_{dump.source}_POSITION"
     names = ["time", "VOLTAGE", encoder, *REGISTERS.values()]
     log = read_columns(path, names, ["time", "POSITION", "Q_CURRENT"], "moteus")
+    log = _before_faults(path, log, "time", [MODE.upper(), FAULT.upper()])
     columns = log.columns
     stats = {name: columns[register] for name, register in REGISTERS.items() if register in columns}
     stats["timestamp"] = columns["time"]
@@ -198,6 +203,24 @@ def _registers(path: Path, dump: Dump) -> Channels:
         cpr = dump.number(f"motor_position.sources.{dump.source}.cpr", "counts of a turn", 16384.0)
         position = {"timestamp": columns["time"], _filtered(dump): cpr * columns[encoder]}
     return _unstamped(path, stats, position, log.remarks)
+
+
+def _before_faults(path: Path, log: LogColumns, time: str, headings: Sequence[str]) -> LogColumns:
+    """The rows before a fault, with what is said of it."""
+    t = log.columns[time] - log.columns[time][0]
+    fault = _faults(path, t, numbers(path, headings, time), *headings)
+    columns = {name: values[: fault.rows] for name, values in log.columns.items()}
+    return replace(log, columns=columns, remarks=(*log.remarks, *fault.remarks))
+
+
+def _faults(path: Path, t: Array, flags: Mapping[str, Array], mode: str, fault: str) -> Faults:
+    """A code of `fault` is one in the mode of faults only; else it may be a limit that acts."""
+    modes = flags.get(mode)
+    if modes is None:
+        return faults(path, t, {})
+    heading, codes = (fault, flags[fault]) if fault in flags else (mode, modes)
+    bad = np.where(modes == FAULT_MODE, np.maximum(codes, 1.0), 0.0)
+    return faults(path, t, {heading: bad}, modes, POSITION_MODE)
 
 
 def _unstamped(
@@ -219,7 +242,8 @@ def _stream(path: Path, dump: Dump) -> Channels:
 
 def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
     """The controllers in a log of tview, each with its channels."""
-    wanted_columns = {STATS_CHANNEL: STATS_SIGNALS, POSITION_CHANNEL: {_filtered(dump)}}
+    flags = {MODE, FAULT}
+    wanted_columns = {STATS_CHANNEL: STATS_SIGNALS | flags, POSITION_CHANNEL: {_filtered(dump)}}
     rows: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     lines = text_of(path, "a log of tview").splitlines()
     require_bytes(path, sum(map(len, lines)))
@@ -234,7 +258,8 @@ def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
             values = {"timestamp": float(record["timestamp"])}
             for name in wanted_columns[channel]:
                 value = _nested(record["data"], name)
-                values[name] = math.nan if value is None else float(value)
+                lacks = value is None or (name in flags and isinstance(value, str))
+                values[name] = math.nan if lacks else float(value)
             columns = rows[str(record["controller"]), channel]
         except (KeyError, TypeError, ValueError):
             if number == len(lines):
@@ -251,6 +276,10 @@ def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
                 f"{path}: controller {printable(controller)}: no channel {STATS_CHANNEL}: expected it"
             )
         name = path.name if len(controllers) == 1 else f"{path.name}-{printable(controller)}"
+        t = stats["timestamp"] - stats["timestamp"][:1]
+        own_flags = {flag: np.nan_to_num(stats[flag]) for flag in flags & stats.keys()}
+        fault = _faults(path, t, own_flags, MODE, FAULT)
+        stats = {signal: values[: fault.rows] for signal, values in stats.items()}
         yield Channels(
             path,
             name,
@@ -258,6 +287,7 @@ def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
             _whole(rows.get((controller, POSITION_CHANNEL), {})),
             stats_name=f"{name}: {STATS_CHANNEL}",
             position_name=f"{name}: {POSITION_CHANNEL}",
+            remarks=fault.remarks,
         )
 
 

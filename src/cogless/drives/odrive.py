@@ -27,6 +27,7 @@ from cogless.drives.adapter import (
     read_columns,
     text_of,
 )
+from cogless.drives.fault_rows import faults, numbers
 from cogless.drives.holding_current import HoldingCurrent, from_samples
 from cogless.drives.odrive_script import write_script
 from cogless.errors import StudyError
@@ -54,6 +55,9 @@ SIGNAL_PATHS: dict[str, tuple[str, float]] = {
     "motor.foc.Iq_setpoint": ("i_q_ref", 1.0),
 }
 BUS_PATH = "vbus_voltage"
+# Paths below the axis, of 0.5 and then 0.6, that are not zero after a fault.
+FAULT_PATHS = ("error", "motor.error", "encoder.error", "controller.error", "active_errors", "disarm_reason")
+STATE_PATH, CLOSED_LOOP = "current_state", 8
 # Of the controller and the encoder's filter, by the argument of firmware_laws.Odrive.
 LOOP_PATHS = {
     "pos_gain": "controller.config.pos_gain",
@@ -203,8 +207,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         release = _firmware(read(path, [])[0].headings)
         if settings.firmware not in ("", release):
             raise StudyError(
-                f"{configuration}: of firmware {settings.firmware}: expected that of the drive of {path}, "
-                f"a capture of {release}"
+                f"{configuration}: a configuration of firmware {settings.firmware}: expected that of the "
+                f"drive that recorded {path}, with firmware {release}"
             )
     kind = "table-on" if settings.map_on else ""
     recordings = [replace(recording, kind=kind) for recording, *_ in captures]
@@ -252,8 +256,14 @@ def _capture(path: Path) -> tuple[Recording, str, float, list[str]]:
             signal, factor = SIGNAL_PATHS[rest]
             signals[signal] = factor * values
     seconds, remarks = _seconds(path, times[0], np.asarray(log.columns[times[0]]))
-    recording = Recording(path, "", {"t": seconds, **signals}, remarks=log.remarks)
-    return recording, axes.pop(), volts, remarks
+    flags = {heading: rest for heading, (_, rest) in _paths(headings).items() if rest in FAULT_PATHS}
+    states = [heading for heading, (_, rest) in _paths(headings).items() if rest == STATE_PATH]
+    read_flags = numbers(path, [*flags, *states], times[0])
+    modes = next((read_flags.pop(heading) for heading in states if heading in read_flags), None)
+    fault = faults(path, seconds - seconds[0], read_flags, modes, CLOSED_LOOP)
+    good_rows = {name: values[: fault.rows] for name, values in {"t": seconds, **signals}.items()}
+    recording = Recording(path, "", good_rows, remarks=log.remarks)
+    return recording, axes.pop(), volts, [*remarks, *fault.remarks]
 
 
 def _seconds(path: Path, heading: str, times: Array) -> tuple[Array, list[str]]:

@@ -26,12 +26,14 @@ from cogless.drives.adapter import (
     text_of,
 )
 from cogless.drives.encoder_table import write_vesc
+from cogless.drives.fault_rows import faults, numbers
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable
 
 XML_HINT = "the motor configuration that VESC Tool saves as XML"
 DAY_MILLISECONDS = 86_400_000.0
 TIME_HEADING, SPEED_HEADING, ENCODER_HEADING = "ms_today", "erpm", "encoder_position"
+FAULT_HEADING = "fault_code"
 LOG_HEADINGS = (
     TIME_HEADING,
     "q_axis_current",
@@ -160,13 +162,16 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     encoder_turns = True
     for path in paths:
         log = read_columns(path, LOG_HEADINGS, (TIME_HEADING, "q_axis_current", SPEED_HEADING), "VESC Tool")
-        columns, losses = _whole_rows(path, log.columns)
+        t = 1e-3 * np.unwrap(log.columns[TIME_HEADING], period=DAY_MILLISECONDS)
+        fault = faults(path, t - t[0], numbers(path, [FAULT_HEADING], TIME_HEADING))
+        good = {name: values[: fault.rows] for name, values in log.columns.items()}
+        columns, losses = _whole_rows(path, good)
         if len(columns[TIME_HEADING]) < LOG_ROWS_LEAST:
             raise StudyError(f"{path}: {len(columns[TIME_HEADING])} rows: expected a log")
         signals, turns, lines = _signals(path, columns, pairs)
         encoder_turns = encoder_turns and turns
         recordings.append(Recording(path, "", signals, remarks=(*log.remarks, *losses)))
-        remarks += lines
+        remarks += [*fault.remarks, *lines]
         volts.append(float(np.median(columns["input_voltage"])) if "input_voltage" in columns else 0.0)
     if max(volts) <= 0:
         raise StudyError(f"{paths[0]}: input_voltage: {max(volts):g}: expected the supply's voltage")

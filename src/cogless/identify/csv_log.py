@@ -182,7 +182,7 @@ def _without_half_a_line(
             yield before
         before = lines
     if before and before[-1].strip() and before[-1].count(delimiter) < cells - 1:
-        remarks.append(f"{path.name}: the last line ends before its end, and is left out.")
+        remarks.append(f"{path.name}: the last line is incomplete, and is left out.")
         before = before[:-1]
     if before:
         yield before

@@ -14,27 +14,26 @@ from pydantic import Field, ValidationError, model_validator
 
 from cogless import units
 from cogless.study.messages import problems, study_error
+from cogless.study.motor import teeth_of
 from cogless.study.reading import read
-from cogless.study.table import CurrentLimit, Frequency, Many, Quantity, Span, Table, invalid
+from cogless.study.table import (
+    CurrentLimit,
+    Frequency,
+    Length,
+    Many,
+    PositiveTorque,
+    Quantity,
+    Span,
+    Table,
+    invalid,
+)
 from cogless.units import Dimension
 
-CARRIAGE_WAY = Dimension("a length", "m", "mm")
 CARRIAGE_SPEED = Dimension("a speed", "m/s", "mm/s")
-Length = Annotated[float, Quantity(CARRIAGE_WAY, ">")]
-StartPlace = Annotated[float, Quantity(CARRIAGE_WAY, ">=")]
+StartPlace = Annotated[float, Quantity(units.LENGTH, ">=")]
 Speed = Annotated[float, Quantity(CARRIAGE_SPEED, ">")]
-HoldingTorque = Annotated[float, Quantity(units.TORQUE, ">")]
 
-STEPS_A_PERIOD = 4  # full steps of an electrical turn
-TEETH_TOLERANCE = 1e-6  # share of a tooth by which a step angle may miss a whole count
 DIAGONAL = math.sqrt(0.5)
-
-
-def rotor_teeth(step_angle: float) -> int | None:
-    """Electrical turns a revolution of a motor with this step angle, rad; None: it has no whole number."""
-    count = math.tau / (STEPS_A_PERIOD * step_angle)
-    whole = round(count)
-    return whole if whole >= 1 and abs(count - whole) <= TEETH_TOLERANCE * count else None
 
 
 class Axis(Table):
@@ -52,20 +51,20 @@ class Axis(Table):
     ramp_speed: Speed = 0.2  # m/s at the middle of a ramp
     speeds: Many[Speed] = (0.04,)  # m/s of the runs at a constant speed
     resonances: Many[Frequency] = ()  # Hz
-    holding_torque: HoldingTorque | None = None  # N m, both coils at the rated current
+    holding_torque: PositiveTorque | None = None  # N m, both coils at the rated current
     rated_current: CurrentLimit | None = None  # A
 
     @model_validator(mode="after")
     def _whole_teeth(self) -> Axis:
-        if rotor_teeth(self.step_angle) is None:
-            raise invalid('expected 360 deg over a whole multiple of 4, such as "1.8 deg"', "step_angle")
+        if teeth_of(self.step_angle) is None:
+            raise invalid('expected 360 deg over four times the teeth, such as "1.8 deg"', "step_angle")
         if (self.holding_torque is None) != (self.rated_current is None):
             raise invalid("expected it together with rated_current", "holding_torque", value="alone")
         return self
 
     @property
     def rotor_teeth(self) -> int:
-        return round(math.tau / (STEPS_A_PERIOD * self.step_angle))
+        return teeth_of(self.step_angle) or 1
 
     @property
     def path_share(self) -> float:

@@ -160,8 +160,8 @@ def find_start(run: Run, move: Move, wavelength: float) -> float:
         start, share = float(starts[k]), fits[k].share
     if share < MOVE_SHARE_LEAST:
         raise StudyError(
-            f"{run.name}: the motor's orders have {share:.0%} of its energy: expected the move that --plan "
-            "writes for this axis; see motor, step_angle, pulley_teeth and travel"
+            f"{run.name}: only {share:.0%} of the log's energy is at the motor's orders: expected the move "
+            "that --plan writes for this axis; check motor, step_angle, pulley_teeth and travel"
         )
     return start
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-from cogless.printer.axis import DIAGONAL, STEPS_A_PERIOD
+from cogless.printer.axis import DIAGONAL
+from cogless.study.motor import teeth_of
 
 STRIPE_TOLERANCE = 0.06  # share by which a spacing is misread with a rule over some stripes
 MOTOR_ORDERS = (1, 2, 4, 8)
@@ -47,7 +47,7 @@ def stripe_causes(
     """
     share = DIAGONAL if diagonal else 1.0
     turn = pulley_teeth * belt_pitch * share
-    teeth = round(math.tau / (STEPS_A_PERIOD * step_angle))
+    teeth = teeth_of(step_angle) or 1
     frequency = speed / spacing
     candidates = [
         Cause(

@@ -316,8 +316,7 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
             by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
         f"the guard paused the learning of {study.label(c)}, {when}, to compare the ripple with that of the "
-        "feedback alone: "
-        + (_harm(study, c, within) or f"a longer run may leave less {within[0].quantity}; see laws/guard.md")
+        f"feedback alone: {_harm(study, c, within) or f'its {within[0].quantity} is in part from that time'}"
         for c, (when, within) in by_controller.items()
     ]
 

@@ -8,12 +8,19 @@ from typing import Any
 from cogless.report.comparison import shown_in
 from cogless.report.markup import number
 from cogless.report.verdicts import called, listed, times
-from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
+from cogless.results.limits import CAUSES, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
 from cogless.study.messages import dotted, look_up
 from cogless.study.reading import Changes, Remark, split
 from cogless.study.toml import toml
+
+# How a run would be without a cause, where "without" and the cause's name read badly.
+WITHOUT = {
+    "learning-time": "in a longer run",
+    TORQUE_RIPPLE: "without any torque ripple",
+    "belief": "with the true motor parameters",
+}
 
 
 def remark(study: StudyBase, limits: Limits) -> Remark | None:
@@ -27,8 +34,9 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     def with_unit(value: float) -> str:
         return f"{number(value / scale)} {unit}".rstrip()
 
-    parts = [f"{with_unit(cause.value)} without {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
-    text = f"What limits {called(study, limits.controller)}: it would leave {listed(parts)}."
+    parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
+    own = f"instead of {with_unit(limits.value)} it would leave"
+    text = f"What limits {called(study, limits.controller)}: {own} {listed(parts)}."
     cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
     tried = [
         f"with {setting(study, cure.changes)} it leaves {with_unit(cure.value)}{_costs(cure)}"
@@ -51,9 +59,9 @@ def setting(study: StudyBase, changes: Changes) -> str:
 
 
 def _cause_words(cause: Cause) -> str:
-    """The cause in words; two causes that only have an effect together are named together."""
+    """How a run would be without the cause; two that only have an effect together are named together."""
     words = " and ".join(CAUSES[name] for name in cause.names)
-    return words if len(cause.names) == 1 else f"both {words}"
+    return WITHOUT.get(cause.name, f"without {words}" if len(cause.names) == 1 else f"without both {words}")
 
 
 def _costs(cure: Cure) -> str:

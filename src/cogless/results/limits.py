@@ -16,7 +16,7 @@ CAUSES = {
     "current-noise": "noise of the current sensors",
     "current-error": "offset and gain errors of the current sensors",
     "learning-time": "what is not learned yet",
-    TORQUE_RIPPLE: "torque ripple that is not rejected",
+    TORQUE_RIPPLE: "torque ripple",
     "friction": "friction",
     "limit": "a limit of current or voltage",
     "belief": "wrong motor parameters",

@@ -12,6 +12,7 @@ from cogless.control_library import Status
 from cogless.results import Run
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Belief
+from cogless.study.mechanics import Mass
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
 from cogless.study.reading import Changes
@@ -158,7 +159,15 @@ def _disturbance(study: Study, scenario: str) -> Changes:
     own_study, changes = for_scenario(study, scenario), dict[str, Any]()
     tables = own_study.source.tables
     empty: Mapping[str, Any] = {
-        "motor": {"cogging": [], "cogging_table": None, "flux_harmonics": [], "torque_ripple": [], "L_f": []},
+        "motor": {
+            "cogging": [],
+            "cogging_table": None,
+            "flux_harmonics": [],
+            "torque_ripple": [],
+            "L_f": [],
+            "detent_torque": "0 N*m",
+            "L_m_backward": [],
+        },
         "mechanics.load": {"harmonics": [], "angle_table": None, "time_table": None},
         "mechanics.load_side": {"gear_errors": []},
         f"scenario.{scenario}.load": {"harmonics": [], "angle_table": None, "time_table": None},
@@ -181,8 +190,13 @@ def _friction(study: Study, run: Run) -> Changes:
         if speed.min() > REST_SHARE * speed.max():
             return {}
     without: dict[str, Any] = {}
-    for place, mass in (("mechanics", study.mechanics), ("mechanics.load_side", study.mechanics.load_side)):
-        if mass is not None and mass.breakaway:
+    sides: list[tuple[str, Mass]] = [("mechanics", body)]
+    if body.belt is not None:
+        without["mechanics.belt.friction"] = "0 N"
+    elif body.load_side is not None:
+        sides.append(("mechanics.load_side", body.load_side))
+    for place, mass in sides:
+        if mass.breakaway:
             without |= {
                 f"{place}.coulomb_friction": "0 N*m",
                 f"{place}.breakaway_friction": None,

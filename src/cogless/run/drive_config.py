@@ -174,7 +174,7 @@ def motor_config(motor: StarMotor) -> dict[str, Any]:
 
 
 def mechanics_config(mechanics: Mechanics) -> dict[str, Any]:
-    numbers = mechanics.model_dump(exclude={"load"}) | {"breakaway_friction": mechanics.breakaway}
+    numbers = mechanics.model_dump(exclude={"load", "belt"}) | {"breakaway_friction": mechanics.breakaway}
     if mechanics.load_side is not None:
         numbers["load_side"]["breakaway_friction"] = mechanics.load_side.breakaway
     return numbers

@@ -26,11 +26,10 @@ from cogless.starter.motor_rules import (
 )
 from cogless.starter.part_catalogue import Figure, Part, named_motors, parts
 from cogless.starter.request import Request, RequestError
-from cogless.starter.sheet import Guess, Section, Sheet, because
-from cogless.study.motor import AnyMotor, StarMotor
+from cogless.starter.sheet import Guess, Section, Sheet, because, origin
+from cogless.study.motor import AnyMotor, StarMotor, teeth_of
 
 OTHER_LAYOUTS = 3
-STEPS_IN_A_PERIOD = 4  # a period is an electrical revolution
 MAGNET_WORDS = {"kv": "kv", "torque-constant": "K_t", "back-emf": "K_e_line_to_line_rms"}
 TORQUE_DIGITS = 4  # of a part of the cogging
 DETENT_ORDER = 4  # electrical, of a step motor with two phases
@@ -238,7 +237,7 @@ def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, 
         return {key: share_of(figure, torque) for key, figure in shares.items()}
     splits = [_split(total, shares, layout, end) for end in ("typical", "low", "high")]
     text = request.numbers["cogging"].text
-    reason = f"its part of {text}, half of peak to peak of all orders together, split as in the class"
+    reason = f"this order's part of {text}, half of peak to peak of all orders; split as in the class"
     return {
         key: Figure(
             typical=splits[0][key],
@@ -376,28 +375,18 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         coil = coil or units.parse(named.get("rated_current", "1 A"), units.CURRENT)
         constant = star.K_t
         size = sized(part, Known(torque_constant=constant, current=peak_of_coil(coil)))
-        teeth = int(tables["teeth"])
-        return _step_facts(request, part, size, teeth)
+        return _step_facts(request, part, size, star.pole_pairs)
     section.put("kind", "step")
-    angle = request.value("step-angle") or part["step_angle"].typical
-    teeth = round(math.tau / (STEPS_IN_A_PERIOD * angle))
-    if not math.isclose(teeth * STEPS_IN_A_PERIOD * angle, math.tau, rel_tol=1e-6) or not 1 <= teeth <= 1000:
-        text = request.numbers["step-angle"].text
-        raise RequestError("step-angle", text, "expected 360 deg over four times the teeth, such as 1.8 deg")
-    stated = "step-angle" in request.numbers
-    reason = () if stated else (f"guess: or 100, of 0.9 deg; {part['step_angle'].reason}",)
-    section.put("teeth", teeth, *reason, note="of the rotor: 360 deg / (4 full steps)")
-    usual = part["rated_current"].typical
-    holding_figure, coil_value = part["rated_torque"], coil or usual
-    holding_value = holding or holding_figure.typical
-    size = sized(
-        part,
-        Known(
-            torque_constant=holding_value / peak_of_coil(coil_value),
-            torque=holding_value,
-            current=peak_of_coil(coil_value),
-        ),
-    )
+    if "step-angle" in request.numbers:
+        section.put("step_angle", request.numbers["step-angle"].text)
+    else:
+        usual = part["step_angle"]
+        reason = f"guess: or 0.9 deg; {usual.reason}"
+        section.put("step_angle", amount(usual.typical, units.ANGLE, "deg"), reason)
+    teeth = _teeth(request, part)
+    holding_value = holding or part["rated_torque"].typical
+    peak = peak_of_coil(coil or part["rated_current"].typical)
+    size = sized(part, Known(torque_constant=holding_value / peak, torque=holding_value, current=peak))
     for key, name, factor in (
         ("R_s", "resistance", size.resistance_factor),
         ("L_0", "inductance", size.inductance_factor),
@@ -411,61 +400,48 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
                 ratio = part["inductance"].scaled(resistance / part["resistance"].typical)
                 figure = because(ratio.scaled(size.time_factor), "L / R of the class, scaled")
             sheet.guess(section, key, figure, dimension, path="motor", name=f"{name} of a coil")
-    section.put("i_f", "1 A", note="by definition: K_t = teeth i_f L_m1")
-    _flux(sheet, section, request, part, teeth, coil)
-    _detent(sheet, section, request, part, size, teeth)
+    _holding(sheet, section, request, part)
+    _detent(sheet, section, request, part, size)
     return _step_facts(request, part, size, teeth)
 
 
-def _flux(
-    sheet: Sheet, section: Section, request: Request, part: Part, teeth: int, coil: float | None
-) -> None:
-    """L_m1 from the holding torque and the rated current of a coil."""
-    stated = "holding-torque" in request.numbers or "rated-torque" in request.numbers
-    holding = request.value("holding-torque") or request.value("rated-torque")
-    torque = part["rated_torque"]
-    current = coil or part["rated_current"].typical
+def _teeth(request: Request, part: Part) -> int:
+    angle = request.value("step-angle") or part["step_angle"].typical
+    teeth = teeth_of(angle)
+    if teeth is None:
+        text = request.numbers["step-angle"].text
+        raise RequestError("step-angle", text, "expected 360 deg over four times the teeth, such as 1.8 deg")
+    return teeth
 
-    def flux(value: float) -> str:
-        return amount(value / peak_of_coil(current) / teeth, units.INDUCTANCE, "mH", 4)
 
-    typical = holding or torque.typical
-    formula = "holding torque / (1.414 rated current teeth)"
+def _holding(sheet: Sheet, section: Section, request: Request, part: Part) -> None:
+    """The holding torque, and the direct current of each phase that makes it."""
+    stated = next((key for key in ("holding-torque", "rated-torque") if key in request.numbers), None)
     if stated:
-        section.put("L_m", [flux(typical)], note=formula)
-        return
-    ends = f"{flux(torque.low)} to {flux(torque.high)}, for a holding torque of"
-    ends_text = span(torque.low, torque.high, units.TORQUE)
-    section.put("L_m", [flux(typical)], f"guess: {ends} {ends_text}; {torque.reason}", note=formula)
-    variants = {amount(end, units.TORQUE): {"motor.L_m": [flux(end)]} for end in (torque.low, torque.high)}
-    sheet.guesses.append(Guess(key="motor.L_m", name="holding torque", span=ends_text, variants=variants))
+        section.put("holding_torque", request.numbers[stated].text)
+    else:
+        sheet.guess(
+            section, "holding_torque", part["rated_torque"], units.TORQUE, path="motor", name="holding torque"
+        )
+    if "rated-current" in request.numbers:
+        section.put("rated_current", request.numbers["rated-current"].text)
+    else:
+        current = part["rated_current"]
+        section.put("rated_current", amount(current.typical, units.CURRENT), origin(current))
 
 
-def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: Sized, teeth: int) -> None:
-    """L_f4: amplitude of the detent is 2 teeth i_f^2 L_f4."""
-    detent, own = request.value("detent-torque"), request.value("cogging")
-    figure = part["cogging"].scaled(size.torque)
-
-    def coefficient(torque: float) -> str:
-        return amount(torque / (2 * teeth), units.INDUCTANCE, "uH", 4)
-
-    formula = "amplitude of the detent / (2 teeth)"
-    if own is not None:
-        section.put("L_f", [coefficient(own)], note=formula)
-        return
-    if detent is not None:
-        friction = request.value("friction")
+def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: Sized) -> None:
+    """The detent's amplitude: a datasheet's torque has friction in it."""
+    detent, friction = request.value("detent-torque"), request.value("friction")
+    if "cogging" in request.numbers:
+        section.put("detent_torque", request.numbers["cogging"].text)
+    elif detent is not None:
         share = detent - (friction if friction is not None else detent_friction(part, detent).typical)
-        text = "the datasheet's torque less the friction in it"
-        section.put("L_f", [coefficient(max(share, 0.0))], note=f"{formula}; {text}")
-        return
-    ends_text = span(figure.low, figure.high, units.TORQUE)
-    ends = f"{coefficient(figure.low)} to {coefficient(figure.high)}, for an amplitude of {ends_text}"
-    section.put("L_f", [coefficient(figure.typical)], f"guess: {ends}; {figure.reason}", note=formula)
-    variants = {
-        amount(end, units.TORQUE): {"motor.L_f": [coefficient(end)]} for end in (figure.low, figure.high)
-    }
-    sheet.guesses.append(Guess(key="motor.L_f", name="detent torque", span=ends_text, variants=variants))
+        note = "the datasheet's torque less the friction in it"
+        section.put("detent_torque", amount(max(share, 0.0), units.TORQUE, count=TORQUE_DIGITS), note=note)
+    else:
+        figure = part["cogging"].scaled(size.torque)
+        sheet.guess(section, "detent_torque", figure, units.TORQUE, path="motor", name="detent torque")
 
 
 def detent_friction(part: Part, detent: float) -> Figure:

@@ -238,6 +238,7 @@ OF_A_PHASE = [word for word in (*BACK_EMF, *PER_SPEED_CONSTANT) if "phase" in wo
 MAGNET = ("psi_f", "K_t", "K_t_rms", *PER_SPEED_CONSTANT, *BACK_EMF)  # the first that is given counts
 RESISTANCE_KEYS = ("R_s", "resistance_line_to_line")
 INDUCTANCE_KEYS = ("L_d", "L_q", "inductance_line_to_line")
+STEP_MOTOR_WORDS = (("teeth", "step_angle"), ("L_m", "holding_torque"), ("L_f", "detent_torque"))
 
 # of datasheets, for what has another key
 OTHER_WORDS = {"torque_constant": "K_t", "J": "mechanics.inertia", "inertia": "mechanics.inertia"}
@@ -257,7 +258,7 @@ MIXED_UP = (
 
 def replaced_by(key: str) -> frozenset[str]:
     """Other keys of [motor] that say the same as this one; a change to it replaces them."""
-    for words in (MAGNET, RESISTANCE_KEYS):
+    for words in (MAGNET, RESISTANCE_KEYS, *STEP_MOTOR_WORDS):
         if key in words:
             return frozenset(words) - {key}
     if key == "inductance_line_to_line":

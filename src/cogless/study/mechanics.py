@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
@@ -13,8 +14,13 @@ from cogless.study.table import (
     Angle,
     AngleMagnitude,
     AngularSpeedMagnitude,
+    BeltStiffness,
+    CarriageMass,
     File,
+    Force,
+    Frequency,
     Inertia,
+    Length,
     Many,
     Stiffness,
     Table,
@@ -202,15 +208,68 @@ class LoadSide(Mass):
         return 1 / self.ratio - spread, 1 / self.ratio + spread
 
 
+class Belt(Table):
+    """A toothed belt on the motor's pulley that pulls a carriage: a `load_side` in the carriage's words."""
+
+    pulley_teeth: Annotated[int, Field(ge=4, le=1000)]
+    """Teeth of the pulley on the motor's shaft."""
+    pitch: Length = 2e-3  # m
+    """Length of a tooth of the belt."""
+    mass: CarriageMass  # kg
+    """Mass of the carriage and of all that moves with it."""
+    resonance: Frequency | None = None  # Hz
+    """Frequency at which the carriage swings on its belt while the motor's shaft is held. Give this or
+    `stiffness`. The resonance that an input shaper measures is another: the motor's field gives way there."""
+    stiffness: BeltStiffness | None = None  # N/m
+    """Force of the belt per stretch, of both its halves together."""
+    damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.05
+    """Damping of that swinging over the critical one."""
+    friction: Force = 0.0  # N
+    """Friction force of the carriage while it moves."""
+
+    @model_validator(mode="after")
+    def _one_word(self) -> Self:
+        if (self.resonance is None) == (self.stiffness is None):
+            expected = 'expected either resonance, such as "75 Hz", or stiffness, such as "110 N/mm"'
+            raise invalid(expected, "resonance", value="missing")
+        return self
+
+    @property
+    def radius(self) -> float:
+        """Way of the carriage per angle of the motor, m/rad."""
+        return self.pulley_teeth * self.pitch / TURN
+
+    @property
+    def load_side(self) -> LoadSide:
+        """The carriage as a mass that turns with the pulley."""
+        stiffness = self.stiffness or self.mass * (TURN * (self.resonance or 0.0)) ** 2
+        return LoadSide.model_construct(
+            inertia=self.mass * self.radius**2,
+            coulomb_friction=self.friction * self.radius,
+            stiffness=stiffness * self.radius**2,
+            damping=2 * self.damping_ratio * math.sqrt(stiffness * self.mass) * self.radius**2,
+        )
+
+
 class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
 
     load_side: LoadSide | None = None
     """A second mass behind a gear and a soft shaft. `inertia` and frictions are then those of the motor's
     side."""
+    belt: Belt | None = None
+    """A carriage on a belt, in place of `load_side`."""
     load: Load = Load()
     """The load that belongs to the machine, also present in commissioning runs; a plain torque is short for
     `{ torque = ... }`."""
+
+    @model_validator(mode="after")
+    def _carriage(self) -> Self:
+        if self.belt is None:
+            return self
+        if self.load_side is not None:
+            raise invalid("expected none, since there is a load_side", "belt")
+        return self.model_copy(update={"load_side": self.belt.load_side})
 
     @property
     def ratio(self) -> float:

@@ -40,8 +40,9 @@ from cogless.study.table import (
     FluxLinkage,
     Inductance,
     InductanceAmplitude,
-    MagnetCurrent,
     Many,
+    PositiveCurrent,
+    PositiveTorque,
     Resistance,
     SpeedConstant,
     Table,
@@ -367,35 +368,76 @@ class StarMotor:
 
 
 FIRST_COGGING = 4  # j of the first L_fj
+MOST_TEETH = 1000
+STEPS_IN_A_PERIOD = 4  # full steps in an electrical revolution
+STEP_ANGLE_TOLERANCE = 1e-6  # relative
+
+
+def teeth_of(step_angle: float) -> int | None:
+    """Teeth of a rotor whose full step is this angle, rad; None: it is of no step motor."""
+    share = math.tau / STEPS_IN_A_PERIOD / step_angle if step_angle > 0 else 0.0
+    whole = 1 <= share <= MOST_TEETH and math.isclose(share, round(share), rel_tol=STEP_ANGLE_TOLERANCE)
+    return round(share) if whole else None
 
 
 class StepMotor(Table):
-    """A step motor, with the parameters that papers on it use."""
+    """A step motor, in the words of its datasheet or with the parameters that papers on it use."""
 
     kind: Literal["step"]
     """A two-phase step motor with non-sinusoidal flux."""
     datasheet: Datasheet | None = None  # its file; its fields are already merged in here
     """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
     """
-    teeth: Annotated[int, Field(ge=1, le=1000)]
-    """Number of rotor teeth $N_r$: electrical revolutions in a mechanical one."""
+    teeth: Annotated[int, Field(ge=1, le=MOST_TEETH)] | None = None
+    """Number of rotor teeth $N_r$: electrical revolutions in a mechanical one. Give this or `step_angle`."""
+    step_angle: Angle | None = None  # rad
+    r"""Angle of a full step, $2 \pi / (4 N_r)$."""
     R_s: Resistance  # ohm
     """Resistance of a phase."""
     L_0: Inductance  # H
     """Inductance of a phase."""
     L_1: InductanceAmplitude = 0.0  # H
     """Inductance of the saliency: $L_d = L_0 + L_1$, $L_q = L_0 - L_1$; smaller than `L_0`."""
-    L_m: Many[InductanceAmplitude]  # H
+    L_m: Many[InductanceAmplitude] = ()  # H
     r"""Coefficients $L_{m1}, L_{m2}, \ldots$ of the magnet's flux. The first makes the mean torque, $K_t =
-    N_r i_f L_{m1}$; $L_{mj}$ makes ripple of electrical order $j - 1$."""
+    N_r i_f L_{m1}$; $L_{mj}$ makes ripple of electrical order $j - 1$. Give this or `holding_torque`."""
+    holding_torque: PositiveTorque | None = None  # N*m
+    r"""Torque that both phases hold with `rated_current` each: $K_t$ = holding_torque / ($\sqrt2$
+    rated_current)."""
+    rated_current: PositiveCurrent | None = None  # A
+    """Direct current of each phase at which the motor has its `holding_torque`."""
+    L_m_backward: Many[InductanceAmplitude] = ()  # H
+    r"""As `L_m`, of flux waves that turn backwards; $L_{mj}$ makes ripple of electrical order $j + 1$. The
+    third harmonic of a symmetric motor is the third of these."""
     L_f: Many[InductanceAmplitude] = ()  # H
-    r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque, $L_{fj}$ of electrical order $j$."""
-    i_f: MagnetCurrent = 1.0  # A
+    r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque, $L_{fj}$ of electrical order $j$. Give
+    this or `detent_torque`."""
+    detent_torque: Torque | None = None  # N*m
+    r"""Amplitude of the cogging torque of electrical order 4, $2 N_r i_f^2 L_{f4}$. The torque that a
+    datasheet states turns the rotor without current, and has friction in it."""
+    i_f: PositiveCurrent = 1.0  # A
     """Fictitious current of the magnet."""
 
     @model_validator(mode="after")
+    def _one_word_each(self) -> Self:
+        if (self.teeth is None) == (self.step_angle is None):
+            expected = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
+            raise invalid(expected, "teeth", value="missing")
+        if self.step_angle is not None and teeth_of(self.step_angle) is None:
+            raise invalid('expected 360 deg over four times the teeth, such as "1.8 deg"', "step_angle")
+        if bool(self.L_m) == (self.holding_torque is not None):
+            expected = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
+            raise invalid(expected, "L_m", value="missing")
+        if self.holding_torque is not None and self.rated_current is None:
+            expected = 'expected the direct current of each phase at the holding torque, such as "1.5 A"'
+            raise invalid(expected, "rated_current", value="missing")
+        if self.L_f and self.detent_torque is not None:
+            raise invalid("expected none, since detent_torque is given", "L_f")
+        return self
+
+    @model_validator(mode="after")
     def _magnet(self) -> Self:
-        if not self.L_m or self.L_m[0] <= 0:
+        if self.L_m and self.L_m[0] <= 0:
             raise invalid("expected L_m1, above zero, and the others after it", "L_m")
         if abs(self.L_1) >= self.L_0:
             raise invalid("expected less than L_0", "L_1")
@@ -404,37 +446,53 @@ class StepMotor(Table):
     @property
     def pole_pairs(self) -> int:
         """Electrical revolutions in a mechanical one."""
-        return self.teeth
+        return self.teeth or teeth_of(self.step_angle or 0.0) or 1  # one of both is given
 
     @property
     def phases(self) -> int:
         return 2
 
-    def star(self) -> StarMotor:
-        """The equivalent two-phase motor for the plant model, with flux harmonics of order j - 1."""
-        psi_f = self.i_f * self.L_m[0]
-        harmonics = [
-            FluxHarmonic.model_construct(order=j - 1, d=self.i_f * L, q=self.i_f * L)
-            for j, L in enumerate(self.L_m[1:], start=2)
-            if L
+    @property
+    def psi_f(self) -> float:
+        """Flux linkage of the magnet, Wb."""
+        if self.holding_torque is None or self.rated_current is None:
+            return self.i_f * self.L_m[0]
+        return self.holding_torque / (math.sqrt(2) * self.rated_current * self.pole_pairs)
+
+    def _flux_harmonics(self) -> list[FluxHarmonic]:
+        """A forward wave of the flux has order j - 1 in the rotor's frame, a backward one j + 1."""
+        forward = [(j - 1, L, L) for j, L in enumerate(self.L_m[1:], start=2)]
+        backward = [(j + 1, L, -L) for j, L in enumerate(self.L_m_backward, start=1)]
+        return [
+            FluxHarmonic.model_construct(order=order, d=self.i_f * d, q=self.i_f * q)
+            for order, d, q in forward + backward
+            if d
         ]
-        amplitude = -0.5 * self.teeth * self.i_f**2
-        cogging = [
-            CoggingTorque(j * self.teeth, amplitude * j * L)
+
+    def _cogging(self) -> list[CoggingTorque]:
+        teeth = self.pole_pairs
+        if self.detent_torque is not None:
+            return [CoggingTorque(FIRST_COGGING * teeth, -self.detent_torque)] if self.detent_torque else []
+        amplitude = -0.5 * teeth * self.i_f**2
+        return [
+            CoggingTorque(j * teeth, amplitude * j * L)
             for j, L in enumerate(self.L_f, start=FIRST_COGGING)
             if L
         ]
+
+    def star(self) -> StarMotor:
+        """The equivalent two-phase motor for the plant model."""
         return StarMotor(
-            pole_pairs=self.teeth,
+            pole_pairs=self.pole_pairs,
             R_s=self.R_s,
             L_d=self.L_0 + self.L_1,
             L_q=self.L_0 - self.L_1,
-            psi_f=psi_f,
-            K_t=self.teeth * psi_f,
+            psi_f=self.psi_f,
+            K_t=self.pole_pairs * self.psi_f,
             impedance_factor=1.0,
             flux_factor=1.0,
-            flux_harmonics=tuple(harmonics),
-            cogging=tuple(cogging),
+            flux_harmonics=tuple(self._flux_harmonics()),
+            cogging=tuple(self._cogging()),
             phases=self.phases,
         )
 

@@ -357,7 +357,7 @@ def _poles_and_slots(study: Study) -> tuple[int, int | None]:
     The teeth of a step motor's rotor are one magnet's poles; a phase has two places for each of them.
     """
     if isinstance(study.motor, StepMotor):
-        return study.motor.teeth, 4 * study.motor.teeth
+        return study.motor.pole_pairs, 4 * study.motor.pole_pairs
     return 2 * study.motor.pole_pairs, study.motor.slots
 
 

@@ -140,8 +140,10 @@ def _trials(run: Prepared, subject: Subject) -> str:
     unused = "    (void)controller;\n    (void)tick;\n"
     head = "static void controller_{}_step(CONTROLLER *controller, uint64_t tick)\n{{\n"
     return (
-        f"{motions}/* `tick`: of the step that comes. */\n{head.format('before')}{before or unused}}}\n\n"
-        f"/* `tick`: of the next step. */\n{head.format('after')}{after or unused}}}\n\n"
+        f"{motions}/* `tick`: number of the step that is about to run. */\n"
+        f"{head.format('before')}{before or unused}}}\n\n"
+        f"/* `tick`: number of the step after the one that has run. */\n"
+        f"{head.format('after')}{after or unused}}}\n\n"
     )
 
 
