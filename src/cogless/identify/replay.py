@@ -150,7 +150,7 @@ def simulated_log(made: Estimate, log: Log, trace: Trace, late: float = 0.0) -> 
     currents = {"i_q": seen.imag, "i_d": seen.real}
     signals = {
         "theta": np.unwrap(trace["theta_measured"])[::step] + _offset(made),
-        "omega": trace["omega_measured"][::step],
+        "omega": trace["omega_measured"][::step].copy(),  # else the whole trace stays in memory
     }
     for name, current in currents.items():
         if name == "i_q" or name in log:
@@ -172,6 +172,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
     drive, dead_time, late = made.known.drive, NOTHING, NO_LATENESS
     for n in range(ROUNDS):
         own = _likely(dead_time, drive)
+        traces, with_dead_time = {}, {}  # Else those of the round before stay in memory.
         try:
             traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"), own)
             if drive.inverter is not None:
