@@ -10,7 +10,7 @@ the next detent at up to the rate
 
 that the detent has by its own stiffness n T. For one order and a PI with the crossover w_c the limits are
 
-    n Omega far above w_c      (omega_s / (n Omega))^2 = 1      the kinetic energy is half of a hill
+    n Omega far above w_c      (omega_s / (n Omega))^2 = 1      the energy is a quarter of a hill, 2 T / n
     n Omega far below w_c      n T / (K_t k_i) = 1              the integral is as stiff as a detent
 
 docs/theory/detents.md has the grid of runs that this is compared with.
