@@ -31,7 +31,7 @@ def rows(
         (("c",),),
         np.ones((count, 1)),
         y,
-        np.zeros((count, 1)),
+        {},
         theta,
         omega,
         np.arange(count) * 1.0,

@@ -36,9 +36,8 @@ def rows(
     seen[:, 0] += wrong * random.standard_normal(count)
     smooth = np.convolve(seen[:, 0], np.hanning(41) / 20, "same")
     log = Log(name, LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, count),))
-    zero = np.zeros((count, 4))
     return Rows(
-        log, NAMES, seen, y, zero, theta, way, np.arange(count) * 1.0, np.tile(smooth, (len(LADDER), 1)), 1e-2
+        log, NAMES, seen, y, {}, theta, way, np.arange(count) * 1.0, np.tile(smooth, (len(LADDER), 1)), 1e-2
     )
 
 
@@ -125,9 +124,8 @@ def test_equations_without_an_order_are_those_built_without_it() -> None:
         one,
         names=(*one.names, *own),
         columns=np.column_stack([one.columns, one.columns[:, 2:] ** 2]),
-        noise=np.column_stack([one.noise, one.noise[:, 2:]]),
     )
-    short = replace(one, names=one.names[:2], columns=one.columns[:, :2], noise=one.noise[:, :2])
+    short = replace(one, names=one.names[:2], columns=one.columns[:, :2])
     fewer = Equations([more]).without("cogging", 6).fit()
     assert fewer.names == one.names[:2]
     assert fewer.values == pytest.approx(Equations([short]).fit().values)

@@ -149,7 +149,7 @@ class Rows(dict[str, np.ndarray]):
     period = 1e-4
 
 
-def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300, periods=()):
+def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300, periods=(), by_balance=None):
     """What logs with these profiles tell, and after how many rows the law has its samples.
 
     `periods`: those of the traces, one for each log and then of further traces.
@@ -167,7 +167,7 @@ def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300, periods=()):
     traces = {name: Rows() for name in [*names, *map(str, periods)]}
     for trace, own in zip(traces.values(), periods, strict=False):
         trace.period = own
-    return lateness(logs, traces, BANDWIDTH, period), every
+    return lateness(logs, traces, BANDWIDTH, period, by_balance=by_balance), every
 
 
 def around(delay, step=1e-5, misfit=0.0):
@@ -195,6 +195,15 @@ def test_logs_whose_delays_differ_weigh_by_how_far_they_do(monkeypatch):
     found = told(monkeypatch, around(3.05e-4), around(5.05e-4))[0].delay
     assert found.value == pytest.approx(4.05e-4)
     assert found.error == pytest.approx((3.9e-4 + 1e-5) / 2 + BETWEEN)
+
+
+def test_the_balance_counts_as_one_more_log_where_the_law_does_not_contradict_it(monkeypatch):
+    """As sure as the law: the middle of both, with an error of 1/sqrt(2)."""
+    law = around(4.05e-4, 1e-6)
+    alone, both = (told(monkeypatch, law, by_balance=one)[0].delay for one in (None, Value(5.05e-4, 2e-4)))
+    assert both.value == pytest.approx(4.55e-4)
+    assert both.error == pytest.approx(alone.error / np.sqrt(2), rel=0.02)
+    assert told(monkeypatch, law, by_balance=Value(9e-4, 1e-4))[0].delay == alone
 
 
 def test_a_log_of_another_law_is_left_out_and_told_where_no_other_is(monkeypatch):

@@ -23,6 +23,7 @@ from cogless.study.position_sensor import Absolute
 
 TURN = 2 * np.pi
 NO_GAP = np.zeros(0, dtype=np.int_)
+TICK = TURN / 4096
 T = np.arange(2000) * 1e-3
 THETA = 8.0 * T + 0.5 * np.sin(3.0 * T)
 OMEGA = 8.0 + 1.5 * np.cos(3.0 * T)
@@ -300,7 +301,7 @@ def test_a_gap_is_no_slip_and_no_other_unit() -> None:
     theta[350:] += 13.6
     remarks: list[str] = []
     gaps = np.array([200, 350])
-    unwrapped = logging._unwrapped("a", "a: x", theta, gaps, remarks)
+    unwrapped = logging._unwrapped("a", "a: x", theta, gaps, remarks, TICK)
     assert logging._slip("a", unwrapped, 5e-4, gaps, remarks) == 500
     assert not remarks
 
@@ -346,16 +347,30 @@ def test_rows_that_repeat_are_told_from_a_fifth_on(share: float, told: bool) -> 
 def test_an_angle_that_wraps_is_unwrapped_and_one_of_no_turn_is_refused() -> None:
     remarks: list[str] = []
     theta = np.arange(1000) * 0.05
-    assert logging._unwrapped("a", "a: x", theta % TURN, NO_GAP, remarks) == pytest.approx(theta)
+    assert logging._unwrapped("a", "a: x", theta % TURN, NO_GAP, remarks, TICK) == pytest.approx(theta)
     assert remarks == ["a: the angle wraps 7 times, and is unwrapped."]
     with pytest.raises(StudyError) as error:
-        logging._unwrapped("a", "a: x", theta % 10.0, NO_GAP, remarks)
+        logging._unwrapped("a", "a: x", theta % 10.0, NO_GAP, remarks, TICK)
     assert str(error.value) == (
         "a: x: row 201: the angle jumps by 9.95 rad, which is no turn: expected its unit, such as unit = "
         '"deg", or counts that do not overflow'
     )
-    logging._unwrapped("a", "a: x", np.array([0.0, math.pi, 0.0]), NO_GAP, half := [])
+    logging._unwrapped("a", "a: x", np.array([0.0, math.pi, 0.0]), NO_GAP, half := [], TICK)
     assert half == []
+
+
+@pytest.mark.parametrize("counts", [10_000, 16_384, 60_000])
+@pytest.mark.parametrize(("size", "way"), [(2**16, 1.0), (2**16, -1.0), (2**32, 1.0)])
+def test_a_count_that_overflows_after_several_turns_is_laid_end_to_end(
+    counts: int, size: int, way: float
+) -> None:
+    tick, remarks = TURN / counts, list[str]()
+    true = np.round(way * np.arange(4000) * 0.05 / tick)
+    logged = (true + size - 1000) % size
+    theta = logging._unwrapped("a", "a: x", tick * logged, NO_GAP, remarks, tick)
+    assert theta - theta[0] == pytest.approx(tick * true, abs=1e-4)
+    times = np.sum(np.abs(np.diff(logged)) > size // 2)
+    assert times and remarks == [f"a: the count overflows {times} times, at {size}; it is laid end to end."]
 
 
 # --- steady parts

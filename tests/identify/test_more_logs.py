@@ -33,23 +33,58 @@ def errors(made: Estimate) -> dict[str, float]:
     return told | {f"cogging {wave.order}": wave.size.error for wave in made.cogging}
 
 
-@pytest.mark.parametrize("kind", ["servo", "drone"])
-def test_no_value_is_lost_and_no_interval_doubled_by_more_logs_and_keys(kind: str, tmp_path: Path) -> None:
-    """From a slow log and ramps on, one log after the other, and in the end with references and a law."""
+KEYS = ("omega", "kind", "reference", "law")
+BARE = frozenset[str]()
+BY_LOGS = [(count, BARE) for count in range(2, len(ORDER) + 1)]
+LOGS_THEN_KEYS = [*BY_LOGS, (len(ORDER), frozenset(KEYS))]
+KEYS_THEN_LOGS = [(2, BARE), *((2, frozenset(KEYS[-n:])) for n in (2, 3, 4)), (len(ORDER), frozenset(KEYS))]
+
+
+def columns(source: Any, motor: Any, keys: frozenset[str]) -> dict[str, Any]:
+    """The file of columns with these of its further keys."""
+    bare, whole = source.columns(motor), source.columns(motor, True)
+    if "omega" in keys:
+        bare["columns"]["omega"] = "omega"
+    if "law" in keys:
+        bare["controller"] = whole["controller"]
+    for rule in whole["log"]:
+        if "kind" not in keys and rule["kind"] != "load":
+            del rule["kind"]
+        if "law" not in keys:
+            del rule["controller"]
+        if "reference" not in keys:
+            del rule["reference"]
+    return bare | {"log": whole["log"]}
+
+
+@pytest.mark.parametrize(
+    ("kind", "order", "steps"),
+    [
+        ("servo", ORDER, LOGS_THEN_KEYS),
+        ("drone", ORDER, LOGS_THEN_KEYS),
+        ("hub", ("drives", "accel", "brakes", "fast", "slow", "middle"), BY_LOGS),
+        ("gimbal", ("fast", "accel", "middle", "brakes", "slow", "drives"), BY_LOGS),
+        ("servo", ("accel", "slow", "drives", "middle", "fast", "brakes"), KEYS_THEN_LOGS),
+    ],
+)
+def test_no_value_is_lost_and_no_interval_doubled_by_more_logs_and_keys(
+    kind: str, order: tuple[str, ...], steps: list[tuple[int, frozenset[str]]], tmp_path: Path
+) -> None:
+    """From two logs on, one log after the other, with references and a law in the end or from the start."""
     source = plant()
     motor = source.drawn(kind, np.random.default_rng(8))
     (raw,) = source.simulated([motor], seed=8)
-    logs = {name: source.rows_of(raw[name], motor, 1000.0, 0.0) for name in ORDER}
-    steps = [(count, False) for count in range(2, len(ORDER) + 1)] + [(len(ORDER), True)]
+    logs = {name: source.rows_of(raw[name], motor, 1000.0, 0.0) for name in order}
     before: dict[str, float] = {}
-    for number, (count, every_key) in enumerate(steps):
+    for number, (count, keys) in enumerate(steps):
         folder = tmp_path / str(number)
         folder.mkdir()
-        some = {name: logs[name] for name in ORDER[:count]}
-        paths = source.write(folder, some, plan.text(source.columns(motor, every_key)))
+        some = {name: logs[name] for name in order[:count]}
+        paths = source.write(folder, some, plan.text(columns(source, motor, keys)))
         after = errors(identified(paths, folder / "id.toml", lambda what, share: None).estimate)
-        assert before.keys() <= after.keys(), f"{ORDER[count - 1]} takes {before.keys() - after.keys()} away"
+        more = f"{order[count - 1]} with {sorted(keys)}"
+        assert before.keys() <= after.keys(), f"{more} takes {before.keys() - after.keys()} away"
         for name, error in before.items():
-            assert after[name] < DOUBLED * error, f"{ORDER[count - 1]}: {name}"
+            assert after[name] < DOUBLED * error, f"{more}: {name}"
         before = after
     assert {"j", "c", "b", f"cogging {motor.cogging[0][0]}"} <= before.keys()

@@ -78,12 +78,12 @@ def test_the_plan_says_which_errors_to_expect(chain):
 def test_each_command_ends_with_the_files_that_it_wrote_and_the_next_command(chain):
     """The next commands are those of `chain` and of the test below."""
     ends = {
-        "plan": "Columns: plan/id.toml\nNext: cogless identify --config plan/id.toml LOG...",
-        "found": "Report: found/report.html\nNext: cogless run found/study.toml",
+        "plan": ("Columns: plan/id.toml\nRecord: ", "Next: cogless identify --config plan/id.toml LOG..."),
+        "found": ("Report: found/report.html\nNext: ", "Next: cogless run found/study.toml"),
     }
-    for folder, end in ends.items():
+    for folder, (files, end) in ends.items():
         said = (chain / f"{folder}.txt").read_text()
-        assert said.endswith(f"\nStudy: {folder}/study.toml\n{end}\n")
+        assert f"Study: {folder}/study.toml\n{files}" in said and said.endswith(f"\n{end}\n")
 
 
 def test_the_found_study_runs(chain):

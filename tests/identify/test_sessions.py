@@ -58,7 +58,7 @@ def rows_of_session(name: str, speed: float, friction: float, count: int, seed: 
     columns = np.column_stack((speed * way, way, np.ones(count)))
     y = columns @ [0.01, friction, 0.003] + noise
     zero = np.zeros((len(LADDER), count))
-    return Rows(log, names, columns, y, 0 * columns, noise, speed * way, np.arange(count), zero)
+    return Rows(log, names, columns, y, {}, noise, speed * way, np.arange(count), zero)
 
 
 def test_a_session_s_own_friction_is_fitted_with_what_all_sessions_share() -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,16 +87,16 @@ class Sensor:
 class Rows:
     """Filtered rows of one log: y = columns @ coefficients + residual.
 
-    `noise`: variance that each column owes to the angle's noise, by row. `at`: the log's row in the middle of
-    each. `theta`, `omega`: there. `instruments`: the acceleration by wider kernels, a row for each of
-    LADDER.
+    `noise`: variance that a column owes to the angle's noise, by row, of the columns that have one. `at`: the
+    log's row in the middle of each. `theta`, `omega`: there. `instruments`: the acceleration by wider
+    kernels, a row for each of LADDER.
     """
 
     log: Log
     names: tuple[Name, ...]
     columns: Array
     y: Array
-    noise: Array
+    noise: Mapping[Name, Array]
     theta: Array
     omega: Array
     at: Array
@@ -107,7 +108,7 @@ class Rows:
         kinds = ("cogging", "own") if kind == "cogging" else (kind,)
         stay = np.array([name[:2] not in [(each, order) for each in kinds] for name in self.names])
         names = tuple(name for name, stays in zip(self.names, stay, strict=True) if stays)
-        return replace(self, names=names, columns=self.columns[:, stay], noise=self.noise[:, stay])
+        return replace(self, names=names, columns=self.columns[:, stay])
 
 
 def all_names(rows: Sequence[Rows]) -> tuple[Name, ...]:
@@ -194,11 +195,7 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     share = np.minimum(1.0, moved) * angle_noise(
         log, stretch, sensor.step
     )  # slower, the steps are a sawtooth
-    names = tuple(columns)
-    noise = np.zeros((count, len(names)))
-    for key, weights in (("j", kernel.acceleration), ("b", kernel.speed)):
-        if (key,) in columns:
-            noise[:, names.index((key,))] = share * np.sum(weights**2)
+    derived = {("j",): kernel.acceleration, ("b",): kernel.speed}
     creeping = CREEP_SHARE * float(np.median(np.abs(slow)))  # at a reversal friction is not that of sliding
     slowest = max(_slowest(sensor.step, REACH * width), creeping, 1e-9)
     free = (np.abs(rubbing) > 0.999) & (np.abs(omega) > slowest)
@@ -208,10 +205,10 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     matrix = np.column_stack(list(columns.values()))
     return Rows(
         log,
-        names,
+        tuple(columns),
         matrix[free],
         y[free],
-        noise[free],
+        {name: share[free] * np.sum(weights**2) for name, weights in derived.items() if name in columns},
         middle[free],
         omega[free],
         stretch.start + at[free],
@@ -248,12 +245,12 @@ def _by_angle(
             visible = n * speed * log.dt < SEEN_PHASE
             slope += n / model.j * visible * (s * cosine - c * sine)
         if n in model.cogging:
-            pair = (cosine, sine) if seen is None else (cosine * seen, sine * seen)
-            for part, x in zip("cs", pair, strict=True):
-                columns["cogging", n, part] = -filtered(x)
+            share = np.ones(1) if seen is None else _faded(seen, model.width(log) / log.dt)
+            for part, x in zip("cs", (cosine, sine), strict=True):
+                columns["cogging", n, part] = -filtered(x * share)
             if seen is not None and np.mean(~seen) > 0.5 < np.mean(n * speed * log.dt < ALIASED_PHASE):
                 for part, x in zip("cs", (cosine, sine), strict=True):
-                    columns["own", n, part, log.name] = -filtered(x * ~seen)
+                    columns["own", n, part, log.name] = -filtered(x * (1 - share))
         if n in model.ripple:  # a wave of the magnet's flux, psi_d: by i_q, by its slope with i_d
             along = n / sensor.pole_pairs * direct
             columns["ripple", n, "c"] = -filtered(current * cosine - along * sine)
@@ -265,6 +262,15 @@ def _by_angle(
         for part, x in zip("cs", waves, strict=True):
             columns["encoder", n, part] = filtered(slope * x) - filtered(x, kernel.curvature)
     return columns
+
+
+def _faded(seen: NDArray[np.bool_], width: float) -> Array:
+    """The share of a wave that is modelled: 1 where it is seen, fading to 0 like the kernel, `width` in rows.
+
+    A kernel that hides a wave shows its end where it is cut off at once: a part of half a turn, whose place
+    is the same in all ramps over the same angles, and which an inertia takes up.
+    """
+    return np.asarray(gaussian_filter1d(seen.astype(np.float64), width, mode="nearest"))
 
 
 def angle_noise(log: Log, stretch: slice, step: float) -> float:
@@ -280,12 +286,17 @@ def _slowest(step_angle: float, window: float) -> float:
 
 def _instruments(alpha: Array, spacing: float) -> Array:
     """The acceleration through wider kernels, which are free of what is fast in it."""
-    ones = np.ones(len(alpha))
+    return np.array([_smooth(alpha, width / spacing) for width in LADDER]) / _weights(len(alpha), spacing)
 
-    def smooth(x: Array, width: float) -> Array:
-        return np.asarray(gaussian_filter1d(x, width / spacing, mode="constant", truncate=3))
 
-    return np.array([smooth(alpha, width) / smooth(ones, width) for width in LADDER])
+def _smooth(x: Array, width: float) -> Array:
+    return np.asarray(gaussian_filter1d(x, width, mode="constant", truncate=3))
+
+
+@lru_cache(maxsize=32)
+def _weights(count: int, spacing: float) -> Array:
+    """What is left of the weights of each instrument near the ends of a log."""
+    return np.array([_smooth(np.ones(count), width / spacing) for width in LADDER])
 
 
 def _held(log: Log, model: Model) -> Rows:
@@ -298,13 +309,12 @@ def _held(log: Log, model: Model) -> Rows:
         for order in orders:
             for part, wave in (("c", np.cos), ("s", np.sin)):
                 columns[kind, order, part] = -wave(order * theta) * (current if kind == "ripple" else 1.0)
-    zero = np.zeros((len(theta), len(columns)))
     return Rows(
         log,
         tuple(columns),
         np.column_stack(list(columns.values())),
         current,
-        zero,
+        {},
         theta,
         np.zeros(len(theta)),
         np.arange(len(theta), dtype=np.float64),

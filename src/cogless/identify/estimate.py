@@ -163,10 +163,12 @@ class Logs:
         sharp = self.narrowed(state.model, lambda log: 1 / max(order * findings.speed(log), 1e-9))
         return self.equations(sharp).rows
 
-    def delay_error(self, delay: Value | None) -> float:
-        """Time by which currents may be logged earlier or later than the delay says, s."""
-        rows = UNSURE_ROWS * max((log.dt for log in self.moving), default=0.0) + self.period / 2
-        return rows if delay is None else min(rows, delay.error)
+    def lateness(self, unsure: float) -> float:
+        """Time by which currents may act earlier or later than the model's delay says, s.
+
+        `unsure`: the delay's error, inf: it is not told.
+        """
+        return min(unsure, UNSURE_ROWS * max((log.dt for log in self.moving), default=0.0))
 
     def passing(self, model: Model, widths: Mapping[str, float]) -> Model:
         """The model with these kernels, or those through which its fastest order still passes."""
@@ -267,12 +269,12 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     state = _told_apart(drive, state, left)
     progress("errors", 0.0)
     remarks += voltage.check(known, used)
-    comparable, late = drive.comparable(state), drive.delay_error(delay)
-    remarks += findings.between_logs(comparable, state.fit, state.model, left, late)
+    shift = drive.lateness(unsure)
+    remarks += findings.between_logs(drive.comparable(state), state.fit, state.model, left, shift)
     empty = Estimate(
         known, tuple(used), {}, (), (), (), {}, tuple(remarks), (), offsets=findings.offsets_of(logs)
     )
-    return findings.without_nonsense(with_errors(drive, state, delay, empty), left)
+    return findings.without_nonsense(with_errors(drive, state, delay, unsure, empty), left)
 
 
 def at_delay(made: Estimate, delay: Value, simulated: Sequence[Log], truth: Mapping[Name, float]) -> Estimate:
@@ -284,7 +286,9 @@ def at_delay(made: Estimate, delay: Value, simulated: Sequence[Log], truth: Mapp
     drive = Logs(made.known, made.logs, lambda what, share: None)
     state = drive.agreeing(replace(made.model, delay=delay.value))
     state = drive.settled(state.model, state.instrument)
-    fitted = with_errors(drive, state, delay, made, lambda steady: _biases(drive, steady, simulated, truth))
+    fitted = with_errors(
+        drive, state, delay, delay.error, made, lambda steady: _biases(drive, steady, simulated, truth)
+    )
     orders = {kind: {wave.order for wave in getattr(made, kind)} for kind in ("cogging", "ripple", "encoder")}
 
     def told(kind: str) -> tuple[Wave, ...]:
@@ -562,17 +566,18 @@ def with_errors(
     drive: Logs,
     state: State,
     delay: Value | None,
+    unsure: float,
     made: Estimate,
     bias_of: Callable[[State], Mapping[Name, Value]] = lambda state: {},
 ) -> Estimate:
     """The estimate with the values of a state; their errors are a jackknife's, and what they move by with the
-    delay, within its error, and with kernel and instrument. `bias_of`: what is taken off the values.
+    delay, by the time `unsure`, s, and with kernel and instrument. `bias_of`: what is taken off the values.
     """
     model, others = state.model, list[dict[Name, float]]()
     ends: list[Equations] = []
     if "j" in model.columns:
-        late = drive.delay_error(delay)
-        ends = [drive.equations(replace(model, delay=model.delay + sign * late)) for sign in (-1, 1)]
+        shift = drive.lateness(unsure)
+        ends = [drive.equations(replace(model, delay=model.delay + sign * shift)) for sign in (-1, 1)]
         state = _steadiest(state, ends)
     instrument, biases = state.instrument, bias_of(state)
     fit = state.equations.fit(instrument, exact=True)

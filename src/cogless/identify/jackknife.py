@@ -183,12 +183,12 @@ class Equations:
             own = [each for each in self.rows if each.log.name == log]
             whole, done = sum(len(each.y) for each in own), 0
             for each in own:
-                count = len(each.y)
+                count, place = len(each.y), [self.names.index(name) for name in each.names]
                 wanted = max(1, min(round(LOG_BLOCKS * count / whole), count // BLOCK_ROWS))
                 for part in np.array_split(np.arange(count), wanted):
                     if len(part):
                         quarter = min(QUARTERS - 1, QUARTERS * (done + int(part[0])) // whole)
-                        blocks.append(self._block(each, slice(part[0], part[-1] + 1), quarter))
+                        blocks.append(self._block(each, place, slice(part[0], part[-1] + 1), quarter))
                 done += count
         return tuple(blocks)
 
@@ -218,13 +218,16 @@ class Equations:
             instruments[id(each)] = base @ solved(base.T @ base, base.T @ column)[0]
         return instruments
 
-    def _block(self, rows: Rows, part: slice, quarter: int) -> Block:
-        place, size = [self.names.index(name) for name in rows.names], len(self.names)
+    def _block(self, rows: Rows, place: Sequence[int], part: slice, quarter: int) -> Block:
+        """The block of a part of rows, whose columns have these places among all."""
+        size = len(self.names)
         columns, y = rows.columns[part], rows.y[part]
         z = rows.instruments[:, part] if ("j",) in rows.names else np.zeros((len(LADDER), len(y)))
         matrix, vector, noise = np.zeros((size, size)), np.zeros(size), np.zeros(size)
         matrix[np.ix_(place, place)] = columns.T @ columns
-        vector[place], noise[place] = columns.T @ y, rows.noise[part].sum(axis=0)
+        vector[place] = columns.T @ y
+        for name, variances in rows.noise.items():
+            noise[self.names.index(name)] = variances[part].sum()
         instruments = np.zeros((len(z), size))
         instruments[:, place] = z @ columns
         late = None

@@ -34,8 +34,8 @@ class Kernel:
         parts, count = -(-len(weights) // step), (len(x) - len(weights)) // step + 1
         taps, rows = np.zeros(parts * step), np.zeros((count + parts - 1) * step)
         taps[: len(weights)], rows[: len(x)] = weights, x[: len(rows)]
-        products = rows.reshape(-1, step) @ taps.reshape(parts, step).T
-        return np.asarray(sum(products[part : part + count, part] for part in range(parts)))
+        products = taps.reshape(parts, step) @ rows.reshape(-1, step).T
+        return np.asarray(sum(products[part, part : part + count] for part in range(parts)))
 
 
 def _derivatives(x: Array, width: float) -> tuple[Array, Array]:

@@ -61,12 +61,14 @@ def lateness(
     bandwidth: float,
     period: float,
     with_dead_time: Mapping[str, Trace] = NONE,
+    by_balance: Value | None = None,
 ) -> Lateness:
     """The delay of i_q by the logs that follow the described law; None, and why: no log does.
 
     It is the middle of all delays that are likely, and they are its error. `bandwidth`: of the current loop,
     rad/s. `period`: of the law, s: rows between its samples show nothing of it. `with_dead_time`: traces of a
-    drive with more dead time, whose true one then may be another.
+    drive with more dead time, whose true one then may be another. `by_balance`: the delay that the balance of
+    torques tells, s, which counts as one more log unless the law contradicts it.
     """
     profiles: list[Profile] = []
     unlike: list[tuple[float, str]] = []
@@ -87,7 +89,12 @@ def lateness(
     least = float(np.min(together))
     # logs that contradict each other
     apart = (least - float(np.sum(np.min(away, axis=1)))) / max(1, len(away) - 1)
-    likely = delays[together <= least + LIKELY * max(1.0, apart)]
+    unlikely = LIKELY * max(1.0, apart)
+    if by_balance is not None:
+        with_balance = together + LIKELY * ((delays - by_balance.value) / by_balance.error) ** 2
+        if float(np.min(with_balance)) <= least + unlikely:
+            together = with_balance
+    likely = delays[together <= float(np.min(together)) + unlikely]
     # between two rows of a trace the current moves by an exponential, not a line
     between = max(trace.period for trace in traces.values()) ** 2 * bandwidth / 8
     first, last = float(likely[0]), float(likely[-1])

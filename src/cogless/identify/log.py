@@ -428,9 +428,8 @@ def _timed(
     if "theta" in found:
         _degrees(where, t, found, identification)
         raw = found["theta"]
-        found["theta"] = _unwrapped(
-            name, f"{where}: {_heading(identification, 'theta')}", found["theta"], ends, remarks
-        )
+        column, tick = _heading(identification, "theta"), abs(identification.factor("theta"))
+        found["theta"] = _unwrapped(name, f"{where}: {column}", found["theta"], ends, remarks, tick)
         whole = _slip(name, found["theta"], identification.step, ends, remarks)
         if whole < FEWEST:
             heading = _heading(identification, "theta")
@@ -640,9 +639,18 @@ def _moved(theta: Array, ends: NDArray[np.int_]) -> Array:
     return moved
 
 
-def _unwrapped(name: str, where: str, theta: Array, ends: NDArray[np.int_], remarks: list[str]) -> Array:
+def _unwrapped(
+    name: str, where: str, theta: Array, ends: NDArray[np.int_], remarks: list[str], tick: float
+) -> Array:
+    """The angle without its jumps by a turn, or by the size of a counter, whose `tick` is so many rad."""
     moved = np.abs(_moved(theta, ends))
     jumps = np.flatnonzero(moved > 0.5 * TURN)
+    for size in (2**16, 2**32):
+        if len(jumps) and size * tick > TURN and np.all(np.abs(moved[jumps] - size * tick) < 0.5 * TURN):
+            remarks.append(
+                f"{name}: the count overflows {len(jumps)} times, at {size}; it is laid end to end."
+            )
+            return np.unwrap(theta, period=size * tick)
     alike = len(jumps) > 1 and np.ptp(moved[jumps]) < 0.1 * np.min(moved[jumps])
     if alike and np.min(moved[jumps]) > 1.5 * TURN:
         raise StudyError(

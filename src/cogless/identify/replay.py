@@ -1,9 +1,9 @@
 """Play the logs on cogless's own engine, with the drive's own controller: how late are the currents logged?
 
 The balance tells the delay within half a period of a law that holds its currents. The described law, on the
-simulated motor, tells it within less. What the loop does to a value shows in the simulated logs, whose truth
-is known; where it stands out of its error there, it is taken off. A law that does not answer as described
-leaves all values as they are.
+simulated motor, and the balance together tell it within less. What the loop does to a value shows in the
+simulated logs, whose truth is known; where it stands out of its error there, it is taken off. A law that does
+not answer as described leaves all values as they are.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def simulated_log(made: Estimate, log: Log, trace: Trace, late: float = 0.0) -> 
     currents = {"i_q": seen.imag, "i_d": seen.real}
     signals = {
         "theta": np.unwrap(trace["theta_measured"])[::step] + _offset(made),
-        "omega": trace["omega_measured"][::step],
+        "omega": trace["omega_measured"][::step].copy(),  # else the whole trace stays in memory
     }
     for name, current in currents.items():
         if name == "i_q" or name in log:
@@ -172,6 +172,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
     drive, dead_time, late = made.known.drive, NOTHING, NO_LATENESS
     for n in range(ROUNDS):
         own = _likely(dead_time, drive)
+        traces, with_dead_time = {}, {}  # Else those of the round before stay in memory.
         try:
             traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"), own)
             if drive.inverter is not None:
@@ -194,7 +195,14 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             )
             return _with_remark(first, cure), traces
         moving = [log for log in made.logs if log.dt]
-        late = lateness(moving, traces, _bandwidth(made), 1 / drive.rates.outer_loop, with_dead_time)
+        late = lateness(
+            moving,
+            traces,
+            _bandwidth(made),
+            1 / drive.rates.outer_loop,
+            with_dead_time,
+            first.values.get("delay"),
+        )
         if late.delay is None:
             break
         simulated = [
