@@ -132,14 +132,16 @@ def test_run_one_with_changes(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_run_goes_into_results_by_default(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Into a folder of the file's name. Two folders' study.toml go into folders of theirs."""
-    for folder, name in (("found", "mine"), ("found", "study"), ("try", "study")):
-        (tmp_path / folder).mkdir(exist_ok=True)
+    """Into a folder of the file's name. Two folders' study.toml go into folders of theirs, also if both
+    folders have one name, as where two drives' logs were identified."""
+    for folder, name in (("found", "mine"), ("found", "study"), ("try", "study"), ("try/found", "study")):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
         studies.write(tmp_path / folder).rename(tmp_path / folder / f"{name}.toml")
     monkeypatch.chdir(tmp_path)
     for study, name in (
         ("found/study.toml", "found"),
         ("try/study.toml", "try"),
+        ("try/found/study.toml", "try-found"),
         ("found/mine.toml", "mine"),
     ):
         code, out, _ = cogless(capsys, "run", study, "--only", "low/pi")

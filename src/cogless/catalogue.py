@@ -6,6 +6,8 @@ import ast
 import re
 import sys
 import tomllib
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 from cogless.control_library import C_LAWS
@@ -13,6 +15,7 @@ from cogless.files import shipped
 from cogless.lines import print_text
 
 TRIAL_LAWS, OWN_LAWS = "trial", "own"  # files of laws that don't come in the order of laws.def
+ANY_SENSOR = "absolute"  # of the parts: a sensor whose bits the user says
 LAW = re.compile(r"law: Literal\['(.+?)'\]")
 
 
@@ -27,6 +30,20 @@ def catalogue() -> dict[str, dict[str, str]]:
         "Control laws": {**{name: of_speed[name] for name in C_LAWS if name in of_speed}, **own},
         "Control laws of trials": {**of_trials, **own},
     }
+
+
+def sensor_words(bits: int) -> str:
+    """Which of the sensors of `cogless new` have so many bits, in words; or that none has."""
+    fine = [name for name, has in sensor_bits().items() if has >= bits]
+    return ", ".join(fine) or "more than any chip that `cogless new` knows"
+
+
+@cache
+def sensor_bits() -> Mapping[str, int]:
+    """The bits of each absolute sensor of `cogless new`, by its name there."""
+    parts = tomllib.loads(shipped("parts")["encoders"].read_text(encoding="utf-8"))
+    named = [part for name, part in parts.items() if "bits" in part and name != ANY_SENSOR]
+    return {part["about"].partition(",")[0]: part["bits"]["typical"] for part in named}
 
 
 def show() -> None:

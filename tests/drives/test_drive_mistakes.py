@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 from commands import cogless
 from drives import odrive_files, simplefoc_files, test_vesc
-from drives.moteus_stand_in import Moteus
+from drives.moteus_stand_in import Moteus, tview_csv
+
+from cogless.cli.drives import _source
+from cogless.drives.adapter import FRAME_FILE, TableFrame
+from cogless.drives.moteus import MOTEUS, read_logs
+from cogless.errors import StudyError
 
 # The headings of a log, two rows under them, and the column without which it is none.
 LOGS = {
@@ -70,3 +75,45 @@ def test_a_log_without_a_channel_is_one_line(
     code, _, err = cogless(capsys, "identify", log, *own, "-o", tmp_path / "out")
     assert (code, err.count("\n")) == (2, 1), err
     assert err.startswith(f"{log}: no column ") and column in err and "it has" in err
+
+
+def turning(folder: Path, **changes: str) -> tuple[list[Path], Path]:
+    """A log of tview, both channels, and the dump of the drive, with changes."""
+    drive = Moteus(ratio=0.25)
+    logs = tview_csv(drive.run([(0.0, 3.0), (4.0, 3.0)]), folder, "slow", every=5)
+    return logs, drive.dump(folder / "dump.cfg", **changes)
+
+
+def test_firmware_that_takes_no_table_is_one_line(tmp_path: Path) -> None:
+    logs, dump = turning(tmp_path, motor__cogging_dq_scale="")
+    lacking = read_logs(logs, dump).frame.lacking
+    assert (
+        lacking == f"{dump} has no motor.cogging_dq_scale: expected firmware with it, of ABI 0x0105 or later"
+    )
+
+
+def test_a_table_that_was_on_is_one_line(tmp_path: Path) -> None:
+    logs, dump = turning(tmp_path, motor__cogging_dq_scale="0.001", motor__cogging_dq_comp__3="9")
+    (line,) = (line for line in read_logs(logs, dump).remarks if "table" in line and "laid" not in line)
+    assert line.startswith(f"{dump}: it has a cogging table, scale 0.001 A: ")
+    assert line.endswith("so a new table replaces it.") and "\n" not in line
+
+
+def test_an_encoder_behind_a_gear_as_commutation_source_is_one_line(tmp_path: Path) -> None:
+    logs, dump = turning(tmp_path, motor_position__sources__0__reference="1")
+    with pytest.raises(StudyError) as error:
+        read_logs(logs, dump)
+    line = str(error.value)
+    assert line.startswith(f"{dump}: motor_position.sources.0.reference: 1: expected 0, a commutation source")
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize(("drive", "advises"), [("simplefoc", True), ("odrive", False)])
+def test_a_table_of_another_drive_s_logs_names_no_drive_that_takes_none(
+    drive: str, advises: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / FRAME_FILE).write_text(TableFrame(drive, zero=True).to_json())
+    monkeypatch.setattr("cogless.drives.holding_current.from_identified", lambda path: None)
+    lacking = _source(tmp_path, None, MOTEUS, None)[1].lacking
+    assert lacking.startswith(f"its logs are of {drive}: expected ")
+    assert (f"--to {drive}" in lacking) == advises and "--shift ANGLE" in lacking

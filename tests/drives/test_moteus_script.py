@@ -100,7 +100,13 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert (done.returncode, done.stderr) == (0, "")
     assert "record_moteus.py. Its first lines say how to start it." in done.stdout
     options = f"--drive moteus --drive-config {folder / 'dump.cfg'} --config {folder / 'plan' / 'logs.toml'}"
-    assert f"Next: cogless identify {options} LOG..." in done.stdout
+    logs = "slow.csv one-speed.csv fast.csv acceleration.csv"
+    assert f"Next: cogless identify {options} {logs}\n" in done.stdout
+    record, loaded = (
+        line for line in done.stdout.splitlines() if line.startswith(("Record: ", "Not in the script"))
+    )
+    assert record.startswith("Record: slow (") and "load" not in record and "Columns: " not in done.stdout
+    assert loaded.startswith("Not in the script, since they need a load: load-forwards (")
     return folder / "plan" / "record_moteus.py"
 
 

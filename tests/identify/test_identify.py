@@ -111,11 +111,11 @@ def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
     assert (kept.cogging, kept.ripple, kept.encoder) == (six, six, ())
     assert kept.left_out == (
         "Before.",
-        "Cogging of order 18 does not stand out of its error and is left out: up to "
-        f"{3.3e3 * doubtful.K_t:.2g} mN*m with it.",
+        "Cogging of order 18 is too small for these logs and is left out. "
+        f"It may be up to {3.3e3 * doubtful.K_t:.2g} mN*m.",
     )
     none = command.standing_out(replace(doubtful, cogging=doubtful.cogging[1:]))
-    assert none.cogging == () and "Cogging of order 12, 18 does" in none.left_out[1]
+    assert none.cogging == () and "Cogging of order 12, 18 is" in none.left_out[1]
 
 
 def test_an_error_of_the_encoder_that_the_file_tells_is_always_told(found):

@@ -374,11 +374,11 @@ def test_a_log_that_cannot_be_simulated_is_left_out() -> None:
         paths = write(folder, plan.text(tables), {name: logs[name] for name in names})
         return command.identified(paths, folder / "id.toml", lambda *of: None).estimate
 
-    line = advice(list(played(tuple(logs)).remarks), "The values stand without a simulation of fast.npz")
+    line = advice(list(played(tuple(logs)).remarks), "Not simulated: fast.npz")
     (cure,) = line.cures
     assert cure == {"record.logs": ("slow.npz", "sweep.npz")}
     made = played(tuple(name.removesuffix(".npz") for name in cure["record.logs"]))
-    assert not any("without a simulation" in said for said in made.remarks)
+    assert not any("Not simulated" in said for said in made.remarks)
     assert inertia_off(made) < 0.02
 
 

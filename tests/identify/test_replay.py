@@ -226,15 +226,14 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert (traces, found.values) == ({"a": "trace"}, made.values)
     assert found.remarks == (
         "First.",
-        "The values stand without a simulation of b. A log can be simulated if its [[log]] in the file "
-        "of columns has reference and controller, if the current loop's rate is a multiple of its rows' "
-        "rate, and if no table is on. "
-        f"{replay.UNCORRECTED} Add what is missing, or leave the log out.",
+        f"Not simulated: b. {replay.UNCORRECTED} To be simulated, a log needs its reference and controller "
+        "(a [[log]] in the file of columns), a current loop whose rate is a multiple of its rows' rate, and "
+        "no table on. Add what is missing, or leave the log out.",
     )
     steps["traces"] = {}  # none is left that could stand alone
     found, traces = replay.refined(made, lambda *of: None)
-    assert found.remarks[1].startswith("The values stand without a simulation of a, b. ")
-    assert found.remarks[1].endswith(replay.UNCORRECTED)
+    assert found.remarks[1].startswith(f"Not simulated: a, b. {replay.UNCORRECTED} ")
+    assert found.remarks[1].endswith("no table on.")
     steps["traces"] = StudyError("why")
     found, traces = replay.refined(made, lambda *of: None)
     assert (found.remarks[1], traces) == (

@@ -120,8 +120,11 @@ def test_the_best_setting_is_told_and_a_part_only_if_it_leaves_clearly_less(resu
     observed = f'{key}.speed_method = "observer" and {key}.observer_bandwidth = "50 Hz"'
     table = f"{observed} and without {key}.window"
     assert told(results, cause, [(bits, 1.0, False), (observer, 4.0, True)]).endswith(
-        f"Tried: with {table} it leaves 4.00 rpm; with drive.position_sensor.bits = 14 it leaves 1.00 rpm."
+        f"Tried: with {table} it leaves 4.00 rpm; with drive.position_sensor.bits = 14 "
+        "(AS5047P, AS5048A, MT6701) it leaves 1.00 rpm."
     )
+    many = told(results, cause, [({"drive.position_sensor.bits": 20}, 1.0, False)])
+    assert "bits = 20 (more than any chip that `cogless new` knows) it leaves 1.00 rpm." in many
     assert "bits" not in told(results, cause, [(bits, 3.9, False), (observer, 4.0, True)])
     assert "Tried" not in told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
 

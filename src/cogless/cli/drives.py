@@ -278,7 +278,9 @@ def _source(
         )
     frame = frame_from(source / FRAME_FILE)
     if frame.drive != to:
-        lacking = f"its logs are of {frame.drive}: expected --to {frame.drive}, {shift}"
+        has_table = adapter_named(frame.drive, "--to").write is not None
+        own = f"--to {frame.drive}, " if has_table else ""
+        lacking = f"its logs are of {frame.drive}: expected {own}{shift}"
         return current, TableFrame(to, lacking=lacking)
     return current, frame
 

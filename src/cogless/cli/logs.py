@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Collection, Sequence
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -94,10 +95,12 @@ def identify(
                 for name, text in scripts.items():
                     (stage / name).write_text(text, "utf-8")
             print(f"Study: {output / 'study.toml'}")
-            print(f"Columns: {output / 'id.toml'}")
             if scripts:
                 print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
-            print_text(f"Record: {_motions(output / 'study.toml')}.", others="  ")
+            else:
+                print(f"Columns: {output / 'id.toml'}")
+            for line in _motions(output / "study.toml", bool(scripts)):
+                print_text(line, others="  ")
             sys.stdout.flush()
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(
@@ -110,7 +113,7 @@ def identify(
         if lowered := planning.lowered(study):
             print_text(f"! {lowered}")
         words = _identify_words(output, drive, drive_config, scripts)
-        print(f"Next: {program()} {shlex.join(['identify', *words])} LOG...")
+        print(f"Next: {program()} {shlex.join(['identify', *words])} {_log_words(scripts)}")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
@@ -159,8 +162,8 @@ def identify(
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
     commands = []
-    if of_drive is not None and of_drive.takes_table and result.estimate.cogging:
-        words = ["table", str(output), "--to", of_drive.frame.drive, "-o"]
+    if of_drive is not None and result.estimate.cogging:
+        words = ["table", str(output), "--to", of_drive.frame.drive if of_drive.takes_table else "csv", "-o"]
         commands.append(f"{program()} {shlex.join(words)} FILE")
     if runs:
         commands.append(f"{program()} {shlex.join(['run', str(output / 'study.toml')])}")
@@ -170,10 +173,27 @@ def identify(
         print(f"{'  or' if number else 'Next'}: {text}")
 
 
-def _motions(plan: Path) -> str:
-    """The motions of a plan's study and how long each takes."""
-    scenarios = load(str(plan), None).scenario
-    return ", ".join(f"{name} ({scenario.duration:.3g} s)" for name, scenario in scenarios.items())
+def _motions(plan: Path, by_script: bool) -> list[str]:
+    """The motions of a plan's study and how long each takes; those that a script can't play apart."""
+    study = load(str(plan), None)
+    texts = {name: f"{name} ({scenario.duration:.3g} s)" for name, scenario in study.scenario.items()}
+    tables = study.source.tables["scenario"]
+    loaded = [name for name in texts if by_script and "load" in tables[name]]
+    lines = [f"Record: {', '.join(text for name, text in texts.items() if name not in loaded)}."]
+    if loaded:
+        lines.append(
+            f"Not in the script, since they need a load: {', '.join(texts[name] for name in loaded)}."
+        )
+    return lines
+
+
+def _log_words(scripts: Mapping[str, str]) -> str:
+    """The logs that a script writes, as words of a command; LOG... where their names are the user's."""
+    from cogless.drives.registry import LOGS_NAME
+
+    rules = tomllib.loads(scripts[LOGS_NAME])["log"] if scripts else []
+    names = [rule["file"] for rule in rules]
+    return shlex.join(names) if names and not any("*" in name for name in names) else "LOG..."
 
 
 def _identify_words(

@@ -126,9 +126,15 @@ def results_folder(path: Path) -> Path:
 
 
 def results_name(path: Path) -> str:
-    """The name of what is made of a study: its file's, or its folder's where the file is a study.toml."""
-    own_name = "" if path.stem == COMMON_NAME else path.stem
-    return own_name or path.resolve().parent.name or COMMON_NAME
+    """The name of what is made of a study: its file's, or its folder's where the file is a study.toml.
+
+    A folder below the present one is named with those between, so that two of one name keep apart.
+    """
+    if path.stem != COMMON_NAME:
+        return path.stem
+    folder, start = path.resolve().parent, Path.cwd()
+    between = folder.relative_to(start).parts if folder.is_relative_to(start) else ()
+    return "-".join(between) or folder.name or COMMON_NAME
 
 
 def command_line(name: str, study: str, changes: list[str] | None, options: list[str]) -> str:

@@ -65,7 +65,8 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
     if not study.metric:
         print(f"{a_metric(study)}\n")
     elif numbers and not every_metric:
-        print_text(f"All {numbers} metrics: in the report, or here with --all.")
+        what = "The metric" if numbers == 1 else f"All {numbers} metrics"
+        print_text(f"{what}: in the report, or here with --all.")
 
 
 def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str], off: LearningHelps | None) -> None:

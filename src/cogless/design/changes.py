@@ -9,11 +9,13 @@ from collections.abc import Callable, Iterable
 from itertools import islice
 from typing import Any
 
+from cogless.catalogue import sensor_words
 from cogless.errors import StudyError
 from cogless.study import changed
 from cogless.study.reading import AStudy, Changes
 from cogless.study.toml import toml
 
+SENSOR_BITS = "drive.position_sensor.bits"
 GAINS = ("k_theta", "kp", "ki")
 SPEED_RESERVE = 1.2  # speed that is advised, or with which a change must work / the speed that just would do
 ADVISED_FORMAT = ".3g"  # digits of a value that is advised
@@ -62,7 +64,8 @@ def _value_words(key: str, value: Any) -> str:
         return f"{' and '.join(gains)} in place of tuning"
     if value is None:
         return f"no {key}"
-    return f"{key} = {toml(value)}"
+    of_sensor = f" ({sensor_words(value)})" if key == SENSOR_BITS else ""
+    return f"{key} = {toml(value)}{of_sensor}"
 
 
 def unit_text(value: float, unit: str) -> str:

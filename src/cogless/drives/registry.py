@@ -253,15 +253,13 @@ def _merged(logs: DriveLogs, columns: Path | None, adapter: Adapter) -> dict[str
 
 
 def _replay_rule(adapter: Adapter, logs: DriveLogs) -> str:
-    """When a log of this drive can be replayed, as the end of a sentence."""
-    law = "controller, since its own law is none of cogless's"
+    """What the replay of a log of this drive needs, in words."""
+    law = "its controller, since the drive's own law is none of cogless's"
     if adapter.law:
-        law = "the configuration the gains of its law" if not logs.frame.gains else ""
+        law = "the gains of its law in the configuration" if not logs.frame.gains else ""
+    rule = "its reference in the file of --config"
     if adapter.write_script is not None:
-        script = f"identify --plan --drive {adapter.name}"
-        rule = f"{LOGS_NAME}, which {script} writes for --config, has its reference"
-    else:
-        rule = "its [[log]] in the file of --config has reference"
+        rule = f"its reference ({LOGS_NAME} of identify --plan --drive {adapter.name}, by --config)"
     return f"{rule} and {law}" if law else rule
 
 

@@ -94,8 +94,8 @@ def standing_out(made: Estimate) -> Estimate:
         if large:
             orders = ", ".join(map(str, large))
             said.append(
-                f"{kind[0].upper()}{kind[1:]} of order {orders} does not stand out of its error and is left "
-                f"out: up to {max(bounds.values()) * factor:.2g} {unit} with it."
+                f"{kind[0].upper()}{kind[1:]} of order {orders} is too small for these logs and is left out. "
+                f"It may be up to {max(bounds.values()) * factor:.2g} {unit}."
             )
     cogging, ripple, encoder = kept
     return replace(made, cogging=cogging, ripple=ripple, encoder=encoder, left_out=(*made.left_out, *said))

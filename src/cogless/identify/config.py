@@ -96,7 +96,7 @@ class LogRule(Table):
     controller: str | None = None  # one of the file's
 
 
-COLUMNS_REPLAY_RULE = "its [[log]] in the file of columns has reference and controller"
+COLUMNS_REPLAY_RULE = "its reference and controller (a [[log]] in the file of columns)"
 
 
 class Identification(Table):

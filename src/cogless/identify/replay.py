@@ -183,9 +183,9 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
             sentence = (
-                f"The values stand without a simulation of {without}. A log can be simulated if "
-                f"{made.known.replay_rule}, if the current loop's rate is a multiple of its rows' rate, "
-                f"and if no table is on. {UNCORRECTED}"
+                f"Not simulated: {without}. {UNCORRECTED} To be simulated, a log needs "
+                f"{made.known.replay_rule}, a current loop whose rate is a multiple of its rows' rate, and "
+                "no table on."
             )
             if not traces:
                 return _with_remark(first, Agreement(sentence)), traces

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from cogless.catalogue import sensor_words
+from cogless.design.changes import SENSOR_BITS
 from cogless.report.comparison import shown_in
 from cogless.report.markup import number
 from cogless.report.verdicts import called, listed, times
@@ -39,7 +41,7 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     text = f"What limits {called(study, limits.controller)}: {own} {listed(parts)}."
     cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
     tried = [
-        f"with {setting(study, cure.changes)} it leaves {with_unit(cure.value)}{_costs(cure)}"
+        f"with {setting(study, cure.changes)}{_sensor(cure)} it leaves {with_unit(cure.value)}{_costs(cure)}"
         for cure in cures
     ]
     if tried:
@@ -62,6 +64,12 @@ def _cause_words(cause: Cause) -> str:
     """How a run would be without the cause; two that only have an effect together are named together."""
     words = " and ".join(CAUSES[name] for name in cause.names)
     return WITHOUT.get(cause.name, f"without {words}" if len(cause.names) == 1 else f"without both {words}")
+
+
+def _sensor(cure: Cure) -> str:
+    """The sensors that have the bits of a finer one; "" if it advises none."""
+    bits = cure.changes.get(SENSOR_BITS)
+    return "" if bits is None else f" ({sensor_words(bits)})"
 
 
 def _costs(cure: Cure) -> str:

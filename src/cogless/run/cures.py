@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from cogless.catalogue import sensor_bits
 from cogless.design.gentler import timed_edges
 from cogless.results import Run
 from cogless.run.causes import CURRENTS, INVERTER, LOOP, SENSOR, later, longer
@@ -82,12 +83,16 @@ def _observers(study: Study, octaves: Sequence[int] = OCTAVES) -> Iterator[Candi
 
 
 def _finer(study: Study) -> Iterator[Candidate]:
+    """Candidates with a finer sensor: in place of a coarse chip the finest one, else one of another kind."""
     sensor = study.drive.position_sensor
+    bits, finest = getattr(sensor, "bits", None), max(sensor_bits().values())
+    if isinstance(sensor, Absolute) and bits and bits < finest:
+        yield Candidate({f"{SENSOR}.bits": finest}, setting=False)
+        return
     for more in MORE_BITS:
         if isinstance(sensor, Encoder):
             yield Candidate({f"{SENSOR}.lines": sensor.lines << more}, setting=False)
         elif isinstance(sensor, Absolute | Resolver):
-            bits = getattr(sensor, "bits", None)
             fine = {f"{SENSOR}.bits": bits + more} if bits else {f"{SENSOR}.positions": sensor.counts << more}
             yield Candidate(fine, setting=False)
 
