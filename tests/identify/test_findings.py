@@ -24,7 +24,7 @@ def rows_with(name: str, friction: float, wave: complex, session: str | None = N
     columns = np.column_stack((np.ones(600), np.cos(6 * theta), np.sin(6 * theta)))
     y = columns @ [friction, wave.real, wave.imag] + np.random.default_rng(len(name)).normal(0, 1e-3, 600)
     names = (("c",), ("cogging", 6, "c"), ("cogging", 6, "s"))
-    return Rows(own, names, columns, y, 0 * columns, theta, theta, theta)
+    return Rows(own, names, columns, y, {}, theta, theta, theta)
 
 
 def told(*rows: Rows, c: float = 0.5, delay_error: float = 0.0) -> tuple[list[str], list[str]]:

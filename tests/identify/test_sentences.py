@@ -418,7 +418,7 @@ def test_a_current_that_brakes_what_turns_has_the_wrong_sign(
     def check(j: float = 0.0, c: float = -0.51, kind: Any = None, rows: int = 31, dt: float = DT) -> None:
         one = log("a.csv", kind, dt=dt, theta=0.0)
         own = omega[:rows]
-        made = Rows(one, (("j",),), alpha[:rows, None], y[:rows], own, own, own, own)
+        made = Rows(one, (("j",),), alpha[:rows, None], y[:rows], {}, own, own, own)
         fitted = fit_of({("j",): WRONG["j"] if alpha.any() else j, ("c",): c}, 0.1)
         monkeypatch.setattr(findings, "fit", lambda rows: fitted)
         findings.check_sign(known, [one], [made])
@@ -945,7 +945,7 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
     x = np.sin(0.1 * np.arange(400))
     logs = [turning(1.0), replace(turning(1.0), name="two.csv", rule=LogRule(file="*", kind="load"))]
     rows = tuple(
-        Rows(one, (("c",),), x[:, None], a * x, np.zeros((400, 1)), x, x, np.arange(400))
+        Rows(one, (("c",),), x[:, None], a * x, {}, x, x, np.arange(400))
         for one, a in zip(logs, (1.0, 1.1), strict=True)
     )
     found = fit(rows)
