@@ -792,7 +792,7 @@ def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
     fit = room.Fit((fitted,), (residual,), 0.012345, settled, load(path))
     monkeypatch.setattr(room, "calibrate", lambda study, progress, jobs: fit)
     code, out, err = cogless(capsys, "calibrate", path)
-    said = f"{path}: calibration: not settled: expected parameters that move the targets\n"
+    said = f"{path}: calibration: not settled: expected parameters that change the metrics\n"
     assert (code, err) == ((0, "") if settled else (2, said))
     *lines, blank, _, row = out.splitlines()
     assert row.split() == ["low/pi", "speed_ripple", "1.91", "rpm", "2.387", "rpm", "+25.0", "%"]

@@ -312,7 +312,9 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
     assert len(moteus.read_logs(more, dump).recordings) == 2
     with pytest.raises(StudyError, match=r"b.csv: .* servo_stats is in a.csv, slow_1_\S+, fast_1_\S+: "):
         moteus.read_logs([*renamed, *more], dump)
-    with pytest.raises(StudyError, match=r"no angle of the table's index, which other logs have"):
+    with pytest.raises(
+        StudyError, match=r"lacks the angle that indexes the cogging table, which other logs have"
+    ):
         moteus.read_logs(more[:3], dump)
 
 

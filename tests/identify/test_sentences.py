@@ -277,7 +277,7 @@ def test_held_angles_leave_ripple_of_k_t_open(known: Identification) -> None:
     findings.without_nonsense(estimate(known, logs=(held,), cogging=(wave(24, 0.2),), rows=rows), left)
     assert left == [
         "Order 24 is six times the pole pairs: K_t ripple and cogging cannot be told apart at one load; a "
-        "ripple of 10 % would be 0.04 A of it; record logs with loads of both signs."
+        "ripple of 10 % would be 0.04 A of this order; record logs with loads of both signs."
     ]
     left.clear()
     findings.without_nonsense(estimate(known, logs=(held, turning(0.5)), cogging=(wave(24, 0.2),)), left)

@@ -23,7 +23,7 @@ OTHER_CURRENT = 0.05  # share of the correction that is wrong at another current
 
 
 def printer_adapter(drive: str | None) -> Adapter | None:
-    """The firmware of a printer that `--drive` names; None: a drive with a sensor, or none."""
+    """The printer's firmware that `--drive` names. None: it names a drive with a sensor, or is not given."""
     from cogless.drives.registry import ADAPTERS
 
     adapter = ADAPTERS.get(drive or "")

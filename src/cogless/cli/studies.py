@@ -280,7 +280,7 @@ def calibrate(
         raise KeyboardInterrupt
     if not fit.settled:
         raise StudyError(
-            f"{loaded.source.path}: calibration: not settled: expected parameters that move the targets"
+            f"{loaded.source.path}: calibration: not settled: expected parameters that change the metrics"
         )
 
 

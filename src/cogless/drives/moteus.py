@@ -111,8 +111,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
     if without is not None and directions:
         raise StudyError(
-            f"{without.path}: no angle of the table's index, which other logs have: expected the channel "
-            "motor_position beside each"
+            f"{without.path} lacks the angle that indexes the cogging table, which other logs have: expected "
+            "the channel motor_position beside each"
         )
     frame = replace(
         max(frames, key=lambda frame: frame.zero_error),
@@ -334,8 +334,9 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
     name, filtered = _filtered(dump), log.position.get(_filtered(dump))
     if filtered is None:
         lacking = (
-            f"{log.path} has no angle of the table's index, only the output's position, whose zero moves: "
-            f"expected channel {POSITION_CHANNEL} ({name}), or the register ENCODER_{dump.source}_POSITION"
+            f"{log.path} lacks the angle that indexes the cogging table. It has only the output's position, "
+            f"whose zero moves: expected channel {POSITION_CHANNEL} ({name}), or the register "
+            f"ENCODER_{dump.source}_POSITION"
         )
         return recording, TableFrame("moteus", lacking=lacking), []
     cpr = dump.above_zero(f"motor_position.sources.{dump.source}.cpr", "counts of a turn")

@@ -100,8 +100,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         most = float(np.nanmax(np.abs(signals["i_q"])))
         if most < CURRENT_LEAST:
             raise StudyError(
-                f"{path}: Iq: {1e3 * most:.2g} mA at most: expected {1e3 * CURRENT_LEAST:g} mA or more; "
-                "without monitor_variables it prints target, Uq (V), velocity, angle"
+                f"{path}: Iq never exceeds {1e3 * most:.2g} mA: expected {1e3 * CURRENT_LEAST:g} mA or more; "
+                "without motor.monitor_variables the monitor prints target, Uq (V), velocity, angle"
             )
         if period is not None:
             signals["t"] = period * np.arange(len(values))

@@ -173,7 +173,7 @@ def write(correction: Correction, chip: str) -> CorrectionText:
         [
             f"It leaves {share:.0%} of the correction: a wave table holds sin 4u alone, {size_held:+.4f} rad "
             "here, for both directions.",
-            f"Orders {', '.join(map(str, others))} and the cosine of order 4 can't be size_held by it.",
+            f"Orders {', '.join(map(str, others))} and the cosine of order 4 can't be held by it.",
         ],
         install=f"put FILE's lines into [{chip} stepper_{correction.motor}] of printer.cfg, then RESTART",
         remove="delete these lines, then RESTART",

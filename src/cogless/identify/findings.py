@@ -432,7 +432,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
             Advice(
                 f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told "
                 f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be "
-                f"{LIKELY_RIPPLE * current:.2g} A of it; record logs with loads of both signs.",
+                f"{LIKELY_RIPPLE * current:.2g} A of this order; record logs with loads of both signs.",
                 logs_of_kind("load"),
             )
         )
