@@ -60,7 +60,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
         ("mechanics", {}, 'mechanics.inertia: missing: expected an inertia above zero, such as "1 kg*m^2"'),
         ("mechanics", 3, "mechanics: 3: expected a table of inertia, viscous_friction, coulomb_friction, "
-            "breakaway_friction, stribeck_speed, friction_harmonics, friction_table, load_side, load"),
+            "breakaway_friction, stribeck_speed, friction_harmonics, friction_table, load_side, belt, load"),
         # quantities
         ("mechanics.load", 0.5, 'mechanics.load: 0.5: expected a text with a unit, such as "0.5 N*m"'),
         ("mechanics.inertia", "2.5e-4",
