@@ -467,7 +467,7 @@ def test_a_certificate_in_one_line() -> None:
     assert slow.words() == (
         "orders 2, 4 to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
         "off (Re Gamma 0.66 or more), to 4 with an untold sample of delay, orders 2 to 4 are too slow to be "
-        "judged, not sure: its feedback lets the speed swing by 64 % rms; learns at up to 300 rpm"
+        "judged (uncertain: the feedback alone lets the speed swing by 64 % rms); learns at up to 300 rpm"
     )
     snaps = replace(SLOW, held=(), slow=(2, 2), snaps="at 10 rpm it snaps")
     assert ", order 2 is too slow to be judged" in replace(snaps, snaps=None).words()

@@ -544,5 +544,5 @@ def test_mistakes_are_one_line(single: Exported, tmp_path: Path, monkeypatch: py
     monkeypatch.setenv("CXX", "no-such-compiler")
     assert "no C++ compiler: expected CXX=no-such-compiler on the PATH" in line()
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert "no C compiler: expected cc, gcc, clang, or CC set, on the PATH" in line()
+    assert "no C compiler: expected cc, gcc, clang on the PATH, or CC set" in line()
     assert not (tmp_path / "out").exists()

@@ -68,8 +68,8 @@ def test_a_dead_time_is_told_where_it_stands_out():
     drive = Drive.model_validate(drive_tables())
     said = _said_of_dead_time(Value(2e-7, 0.9e-7), drive)
     assert said.startswith(
-        "The currents follow as if the bridge had 200 +- 90 ns more dead time than is described, "
-        f"{2e-7 * 10e3 * drive.inverter.bus_voltage:.2g} V lost against the current"
+        "The currents follow as if the bridge had 200 +- 90 ns more dead time than is described. This costs "
+        f"{2e-7 * 10e3 * drive.inverter.bus_voltage:.2g} V against the current"
     )
     for value in (Value(2e-7, 1.1e-7), Value(0.0, 0.0)):
         assert _said_of_dead_time(value, drive) == ""

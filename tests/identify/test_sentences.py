@@ -271,7 +271,7 @@ def test_held_angles_leave_ripple_of_k_t_open(known: Identification) -> None:
     findings.without_nonsense(estimate(known, logs=(held,), cogging=(wave(24, 0.2),)), left)
     (line,) = left
     assert line.startswith("Order 24 is six times the pole pairs: K_t ripple and cogging cannot be told")
-    assert "a ripple of 10 % would be 0 A of it" in line  # no rows
+    assert "a ripple of 10 % would be 0 A of this order" in line  # no rows
     left.clear()
     rows = tuple(SimpleNamespace(y=np.array([y, y])) for y in (-0.5, 0.3))
     findings.without_nonsense(estimate(known, logs=(held,), cogging=(wave(24, 0.2),), rows=rows), left)
@@ -448,8 +448,8 @@ def test_sessions_differ_where_their_errors_do_not_reach() -> None:
     alike = (session("a", 0.10), session("b", 0.14))
     assert sentences(alike) == []  # 0.04 against hypot(0.03, 0.03)
     assert sentences((session("a", 0.15), session("b", 0.10), session("c", 0.12))) == [
-        "Sessions differ: friction 0.1 +- 0.03 A in b and 0.15 +- 0.03 A in a; the values are between them; "
-        "identify each session by itself, or warm the motor up first."
+        "Sessions differ: friction 0.1 +- 0.03 A in b and 0.15 +- 0.03 A in a; the result for all logs lies "
+        "between them; identify each session by itself, or warm the motor up first."
     ]
     offsets = session("a", 0.1, offset=Value(-0.2, 0.01)), session("b", 0.1, offset=Value(0.2, 0.01))
     assert sentences(offsets)[0].startswith("Sessions differ: offset of i_q -0.2 +- 0.01 A in a and")

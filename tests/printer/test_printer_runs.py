@@ -200,7 +200,8 @@ def test_ramps_without_a_partner_or_a_direction_are_refused(
 ) -> None:
     paths = rest_logs(tmp_path)
     assert "no run backward" in identify(capsys, axis_file, paths[:2], "klipper")[2]
-    assert "has no partner: expected probe" in identify(capsys, axis_file, [paths[0]], "klipper")[2]
+    alone = identify(capsys, axis_file, [paths[0]], "klipper")[2]
+    assert "has no partner: expected a second log, with probe in its name" in alone
     other = tmp_path / "other.csv"
     other.write_text(paths[0].read_text())
     assert "its name says no run" in identify(capsys, axis_file, [other], "klipper")[2]

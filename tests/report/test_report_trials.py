@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -770,14 +769,12 @@ def test_pictures(made, tmp_path, monkeypatch):
     assert heights == pytest.approx([0.9 + rows for rows in (2 * 3.4, 4 * 1.7, 2 * 2.6)])  # in
 
 
-def test_page_is_quick_and_small(tmp_path):
+def test_a_page_of_many_trials_is_small(tmp_path):
     """Four runs of 500 trials of 1000 rows."""
     text = synthetic.TRIALS.replace("trials = 60", "trials = 500").replace('"0.25 s"', '"2.5 s"')
     study = synthetic.study(tmp_path, text)
     rms = np.full(500, 1e-3)
     made = synthetic.trial_results(study, {name: rms for name in ("none", "ilc", "input")})
     runs = [*made.runs, made.runs[-1]]
-    begun = time.process_time()
     write(replace(made, runs=runs), tmp_path / "report.html")
-    assert time.process_time() - begun < 1.0  # about 0.05 s on a free machine
     assert (tmp_path / "report.html").stat().st_size < 4_000_000

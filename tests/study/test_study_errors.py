@@ -184,7 +184,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             "coulomb_friction"),
         ("mechanics.friction_harmonics", [{"order": 1, "torque": "1 N*m"}],
             'mechanics.friction_harmonics: [{ order = 1, torque = "1 N*m" }]: expected amplitudes of 0 N*m '
-            "or less together, the rest of the friction"),
+            "or less together, so that friction is nowhere below zero"),
         ("mechanics.friction_table", {"angle": ["0 deg", "90 deg"], "torque": ["0 N*m", "-1 N*m"]},
             "mechanics.friction_table: expected no more below zero than coulomb_friction is above"),
         ("mechanics.friction_table", {"file": "nowhere.csv"},

@@ -162,7 +162,7 @@ def identify(
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
     commands = []
-    if of_drive is not None and result.estimate.cogging:
+    if of_drive is not None and of_drive.frame.zero and result.estimate.cogging:
         words = ["table", str(output), "--to", of_drive.frame.drive if of_drive.takes_table else "csv", "-o"]
         commands.append(f"{program()} {shlex.join(words)} FILE")
     if runs:

@@ -106,7 +106,8 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
             if lacking is not None:
                 other = next(iter(pair.values())).name
                 raise StudyError(
-                    f"{paths[0].parent}: {other} has no partner: expected {lacking} in its name, too"
+                    f"{paths[0].parent}: {other} has no partner: expected a second log, with {lacking} in "
+                    "its name"
                 )
         chosen[direction] = pairs
     for direction, pairs in chosen.items():

@@ -105,11 +105,10 @@ def _said_of_dead_time(more: Value, drive: Drive) -> str:
     lost = more.value * drive.rates.current_loop * drive.inverter.bus_voltage
     return (
         f"The currents follow as if the bridge had {1e9 * more.value:.0f} +- {1e9 * more.error:.0f} ns more "
-        "dead time "
-        f"than is described, {lost:.2g} V lost against the current; this is taken into account. "
-        "A drop of "
-        "transistors and diodes loses it as well, and another R_s, L_q or bandwidth of the current loop "
-        "looks alike."
+        f"dead time than is described. This costs {lost:.2g} V against the current, and is taken "
+        "into account. "
+        "The cause may also be the voltage drop of transistors and diodes, or a wrong R_s, L_q or bandwidth "
+        "of the current loop."
     )
 
 

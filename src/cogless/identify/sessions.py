@@ -60,9 +60,8 @@ def sentences(found: tuple[Session, ...]) -> list[str]:
             of = [f"{own[name].value:.3g} +- {own[name].error:.1g} A in {name}" for name in (low, high)]
             said.append(
                 Advice(
-                    f"Sessions differ: {about} {' and '.join(of)}; the values are between them; identify "
-                    "each "
-                    "session by itself, or warm the motor up first.",
+                    f"Sessions differ: {about} {' and '.join(of)}; the result for all logs lies "
+                    "between them; identify each session by itself, or warm the motor up first.",
                     *(recording(session=name) for name in (low, high)),
                 )
             )

@@ -83,10 +83,10 @@ def _observers(study: Study, octaves: Sequence[int] = OCTAVES) -> Iterator[Candi
 
 
 def _finer(study: Study) -> Iterator[Candidate]:
-    """Candidates with a finer sensor: in place of a coarse chip the finest one, else one of another kind."""
+    """Candidates with a finer sensor: the finest chip if it has two bits more, else one of another kind."""
     sensor = study.drive.position_sensor
     bits, finest = getattr(sensor, "bits", None), max(sensor_bits().values())
-    if isinstance(sensor, Absolute) and bits and bits < finest:
+    if isinstance(sensor, Absolute) and bits and bits + MORE_BITS[0] <= finest:
         yield Candidate({f"{SENSOR}.bits": finest}, setting=False)
         return
     for more in MORE_BITS:

@@ -160,7 +160,8 @@ class Mass(Table):
             raise invalid("expected no more below zero than coulomb_friction is above", "friction_table")
         if sum(abs(h.torque) for h in self.friction_harmonics) > least * (1 + 1e-9):
             raise invalid(
-                f"expected amplitudes of {least:.6g} N*m or less together, the rest of the friction",
+                f"expected amplitudes of {least:.6g} N*m or less together, so that friction is "
+                "nowhere below zero",
                 "friction_harmonics",
             )
         return self

@@ -227,7 +227,7 @@ class Certified:
             several = self.slow[0] < self.slow[1]
             of = f"s {self.slow[0]} to {self.slow[1]} are" if several else f" {self.slow[0]} is"
             slow = f", order{of} too slow to be judged"
-        swings = f", not sure: its feedback lets the speed swing by {100 * self.swing:.0f} % rms"
+        swings = f" (uncertain: the feedback alone lets the speed swing by {100 * self.swing:.0f} % rms)"
         return (
             f"at {self.omega_m / RPM:.4g} rpm those to {self.acting} learn at {self.rate:.3g} 1/s, settle at "
             f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "

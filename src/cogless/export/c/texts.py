@@ -113,8 +113,8 @@ def _speed(subject: Subject) -> str:
         says = f"`cogless/{header}` says what it measures{own}{then}, {example}"
         return f"from {article} {name} of {kind}, {simulated}: {says}"
     return (
-        "measured as in the study, since gains and `.speed_window` assume it. As it is: the study's sensor "
-        f"is ideal{then}. A real one's delay is in none of the gains"
+        "measured as in the study, since gains and `.speed_window` assume it. There the sensor "
+        f"is ideal{then}. So the gains allow for no delay of a real sensor"
     )
 
 

@@ -42,8 +42,10 @@ def compiler(language: str) -> list[str]:
     for command in [chosen] if chosen else [[name] for name in names]:
         if shutil.which(command[0]):
             return command
-    expected = f"{variable}={chosen[0]}" if chosen else f"{', '.join(names)}, or {variable} set,"
-    raise StudyError(f"export --to fmu: no {language} compiler: expected {expected} on the PATH")
+    expected = f"{variable}={chosen[0]} on the PATH"
+    if not chosen:
+        expected = f"{', '.join(names)} on the PATH, or {variable} set"
+    raise StudyError(f"export --to fmu: no {language} compiler: expected {expected}")
 
 
 def objects(sources: Iterable[Path], folder: Path) -> list[Path]:
