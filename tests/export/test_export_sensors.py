@@ -125,7 +125,7 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], list[str], str]] = [
         FILTERED,
         ["1256.637", "cgl_low_pass_init(&speed_filter, &filter_config, 6.666667e-05f)"],
         "measured as in the study, since gains and `.speed_window` assume it. There the sensor "
-        f"is ideal{LOW_PASS}. A real one's delay is in none of the gains",
+        f"is ideal{LOW_PASS}. So the gains allow for no delay of a real sensor",
     ),
 ]
 

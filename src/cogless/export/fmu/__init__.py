@@ -42,9 +42,9 @@ def compiler(language: str) -> list[str]:
     for command in [chosen] if chosen else [[name] for name in names]:
         if shutil.which(command[0]):
             return command
-    expected = f"{variable}={chosen[0]} on the PATH"
-    if not chosen:
-        expected = f"{', '.join(names)} on the PATH, or {variable} set"
+    expected = f"{', '.join(names)} on the PATH, or {variable} set"
+    if chosen:
+        expected = f"{variable}={chosen[0]} on the PATH"
     raise StudyError(f"export --to fmu: no {language} compiler: expected {expected}")
 
 
