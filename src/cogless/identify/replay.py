@@ -38,9 +38,7 @@ FINE = 10  # rows of a trace for each of its log, at most: the delay lies betwee
 SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
-UNCORRECTED = (
-    "So the delay is known only to half a period of the law, and the errors of all values contain that."
-)
+UNCORRECTED = "So the delay is known only to half a period of the law."
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
