@@ -312,7 +312,7 @@ def test_the_compiler_is_the_user_s_or_the_first_on_the_path(monkeypatch: pytest
     with pytest.raises(StudyError) as told:
         export.compiler("C++")
     names = "c++, g++, clang++"
-    assert str(told.value) == (f"export --to fmu: no C++ compiler: expected {names}, or CXX set, on the PATH")
+    assert str(told.value) == (f"export --to fmu: no C++ compiler: expected {names} on the PATH, or CXX set")
 
 
 @pytest.mark.parametrize(
