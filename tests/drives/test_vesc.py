@@ -120,10 +120,10 @@ def test_a_quarter_of_a_turn_a_second_adds_one_order_and_costs_nothing(
         code, _, err = cogless(capsys, "identify", *logs[:number], "--drive-config", config, "-o", folder)
         assert (code, err) == (0, "")
         told.append(json.loads((folder / "identified.json").read_text()))
-    for key in ("j", "c", "b"):
-        before, after = (each["values"][key] for each in told)
-        # The delay is known less with the slow log, which the inertia's .06 % shows.
-        assert after["error"] < max(2 * before["error"], 2e-3 * after["value"]), key
+    for key in ("c", "b"):
+        assert told[1]["values"][key]["error"] < 2 * told[0]["values"][key]["error"], key
+    # With the slow log the delay is known less: 2.7 ms in place of .2. That is .16 % of the inertia, not .06.
+    assert told[1]["values"]["j"]["error"] < 2e-3 * told[1]["values"]["j"]["value"]
     assert not told[0]["cogging"]
     (wave,) = told[1]["cogging"]
     order, size, _ = PLANT.cogging[0]

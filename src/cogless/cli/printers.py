@@ -173,7 +173,7 @@ def stripe(
     from cogless.study.motor import teeth_of
 
     angle = _quantity("--step-angle", step_angle, units.ANGLE)
-    if teeth_of(angle) is None:
+    if not teeth_of(angle):
         raise StudyError(
             f'--step-angle: "{step_angle}": expected 360 deg over four times the teeth, such as "1.8 deg"'
         )

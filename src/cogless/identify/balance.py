@@ -169,7 +169,7 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     coasts = "i_q" not in log or log.kind == "coast-down"
     current = zero if coasts else log["i_q"][stretch]
     direct = log["i_d"][stretch] if "i_d" in log and not coasts else zero
-    turned = shifted(theta, -model.delay / dt)  # at the current's time
+    turned = shifted(theta, -model.delay / dt)  # The angle is taken at the current's time.
     slow = np.convolve(np.gradient(turned, dt), kernel.value, "same")
     way = np.sign(slow)
 

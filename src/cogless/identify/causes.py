@@ -157,7 +157,7 @@ def _attributed(
         return found_in(part, order, [Cause(APPLIED, 1.0, balance)])
     known[UNEXPLAINED] = left, 0.0
     misread = part.misread(order)
-    if misread and ENCODER in known:  # of the rotor's own motion
+    if misread and ENCODER in known:  # The shares are those of the rotor's own motion.
         shown = part.motion(order) + misread
         known = {name: (phasor * shown, error * abs(shown)) for name, (phasor, error) in known.items()}
         relative = known[ENCODER][1] / (abs(known[ENCODER][0]) or 1.0)

@@ -68,7 +68,7 @@ class Column(Table):
     where it counts backwards, and a factor."""
 
     name: str
-    files: Many[str] = ("*",)  # with * and ?
+    files: Many[str] = ("*",)  # * and ? stand for any letters
     unit: str = ""
     sign: Literal[1, -1] = 1
     scale: Annotated[float, Field(gt=0)] = 1.0  # such as sqrt(2) of rms amperes
@@ -89,7 +89,7 @@ class Column(Table):
 class LogRule(Table):
     """What is known of the files whose names match."""
 
-    file: str  # with * and ?
+    file: str  # * and ? stand for any letters
     kind: Kind | None = None
     session: Line | None = None  # of one warm-up, or of one day
     reference: Reference | None = None  # of the controller in the log

@@ -18,6 +18,7 @@ from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor, StarMotor
 from cogless.study.position_sensor import Counted
 from cogless.study.reference import Reference
+from cogless.units import TURN
 
 SHORTEST = 1.0  # s at a steady speed that have a ripple
 SETTLED = 0.75  # of a steady speed, its last part: before, the controller settles
@@ -111,7 +112,7 @@ def scenario(made: Estimate, log: Log) -> dict[str, Any]:
     found: dict[str, Any] = {
         "duration": f"{log.dt * (rows.stop - rows.start):.6g} s",
         "reference": table["reference"],
-        "initial_angle": f"{theta[0] % (2 * np.pi):.6g} rad",
+        "initial_angle": f"{theta[0] % TURN:.6g} rad",
         "initial_speed": f"{speed:.6g} rad/s",
     }
     if log.name in made.loads:

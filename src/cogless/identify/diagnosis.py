@@ -22,11 +22,11 @@ from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady, steady, with_angle
 from cogless.identify.voltage import Agreement
+from cogless.units import TURN
 
 NO_ORDER = "no order"  # of the rotor's motion: vibration, or slow changes of the speed
 SHOWN = 0.01  # share of an order that has a line
 OPPOSES = 0.2  # of an order: causes that cancel by more are told
-TURN = 2 * math.pi
 LARGE_SHARE = 0.05  # share of an order that has a sentence
 ROWS_A_WAVE = 2.5  # rows that show an order, with some to spare
 

@@ -27,6 +27,7 @@ from cogless.identify.jackknife import LARGEST_INFLATION, Equations, Fit
 from cogless.identify.kernel import white_noise
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value, Wave, wave_of
+from cogless.units import TURN
 
 ORDERS_MOST = 48
 LONGEST_DELAY, EARLIEST_DELAY = 6e-3, -3e-3  # s; i_q before the angle: that of a filtered angle
@@ -143,9 +144,9 @@ class Logs:
         for log in self.moving:
             angle = angle_noise(log, stretches[log.name], self.known.step)
             current = currents.get(log.name) or mean
-            meeting = np.sqrt(np.sqrt(current / max(angle, 1e-300)) / j) / (2 * np.pi)
+            meeting = np.sqrt(np.sqrt(current / max(angle, 1e-300)) / j) / TURN
             least = self._narrowest(log)
-            widths[log.name] = float(np.clip(1 / max(2 * np.pi * meeting, 1e-9), least, max(widest, least)))
+            widths[log.name] = float(np.clip(1 / max(TURN * meeting, 1e-9), least, max(widest, least)))
         return replace(model, widths=widths)
 
     def narrowed(self, model: Model, widest: Callable[[Log], float]) -> Model:

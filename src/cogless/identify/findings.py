@@ -14,6 +14,7 @@ from cogless.identify.files import Array
 from cogless.identify.jackknife import Fit, fit, jackknife
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
+from cogless.units import TURN
 
 ALIKE = 0.15  # speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
@@ -86,7 +87,7 @@ def _said_of_bridge_off(identification: Identification, log: Log) -> list[str]:
                 recording(signal=("i_a", "i_b"), log=log.name),
             )
         ]
-    if "theta" in log and np.ptp(log["theta"]) > 2 * np.pi:
+    if "theta" in log and np.ptp(log["theta"]) > TURN:
         return [
             Advice(
                 f"{log.name}: no value but the currents' offsets is from this log: with the bridge off it "
@@ -146,7 +147,7 @@ def _sticks(identification: Identification, log: Log) -> str | None:
     return Advice(
         f"{said}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
         f"{rate:.0f} rows a second or more, or with more feedback.",
-        recording(speed=2 * np.pi * slip, rate=rate, log=log.name),
+        recording(speed=TURN * slip, rate=rate, log=log.name),
     )
 
 
@@ -205,7 +206,7 @@ def one_speed(logs: Sequence[Log]) -> bool:
 
 def said_of_one_speed(logs: Sequence[Log]) -> str:
     """What logs of one speed tell, and what they don't."""
-    speed = float(np.median(np.concatenate([_speeds(log) for log in logs]))) / (2 * np.pi)
+    speed = float(np.median(np.concatenate([_speeds(log) for log in logs]))) / TURN
     turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
     mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
     return Advice(
@@ -281,7 +282,7 @@ def between_logs(
             for of in [_own(own, found, (("c",),))[0].real]
         }
         named = {each.log.rule.session for each in rows} - {None}
-        if len(friction) > 1 and len(named) < 2:  # else sessions say it
+        if len(friction) > 1 and len(named) < 2:  # Otherwise the sessions say it.
             low, high = min(friction, key=friction.__getitem__), max(friction, key=friction.__getitem__)
             if friction[high] - friction[low] > FRICTION * found["c",]:
                 said.append(
@@ -455,14 +456,14 @@ def _out_of_sight(made: Estimate) -> list[str]:
     order = max(hidden)
     slower = SPARE_SPEED * turning * highest / order
     cures = [recording(speed=slower, log=log.name)]
-    needs = f"{slower / (2 * np.pi):.2g} rev/s"
+    needs = f"{slower / TURN:.2g} rev/s"
     if made.model.width(log) < (1 + ROUNDING) * WIDTH_ROWS * log.dt:  # more rows make the kernel narrower
         rate = _up(WIDTH_ROWS * order * turning / SEEN / SPARE_SPEED)
         cures = [recording(rate=rate, log=log.name), *cures]
         needs = f"{rate:.0f} rows a second or {needs}"
     return [
         Advice(
-            f"{log.name}: seen up to order {highest:.0f} at {turning / (2 * np.pi):.2g} rev/s, the slowest; "
+            f"{log.name}: seen up to order {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest; "
             f"order {order} of the motor needs {needs}.",
             *cures,
         )

@@ -48,7 +48,7 @@ class Block:
     noise: Array
     instruments: Array
     driven: Array
-    squares: float  # of its currents, A^2
+    squares: float  # A^2
     rows: int
     late: tuple[Array, float] | None = None
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cogless.identify.files import Array
 
-REACH = 4  # of a kernel, in widths
+REACH = 4  # widths that a kernel reaches to either side
 ANSWER_ROWS = 8  # in which a law's current follows the angle
 
 

@@ -164,7 +164,7 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
         part = np.divide(np.sum(moved * off, axis=0), squares, out=np.zeros_like(squares), where=squares > 0)
         off, free = off - part * moved, free - 1
     left = np.sum(off**2, axis=0)
-    spread = max(2 * noise, float(np.min(left)) / free, 1e-300)  # both filters have noise
+    spread = max(2 * noise, float(np.min(left)) / free, 1e-300)  # Both filters have noise.
     delays = np.asarray(trace.period / FINE * np.arange(len(left)), dtype=np.float64)
     return Profile(delays, left / spread, part, squares / spread, misfit)
 

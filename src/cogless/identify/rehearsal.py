@@ -47,7 +47,7 @@ def _under(own_law: Mapping[str, Any], folder: Path) -> tuple[Study, Identificat
         for rule in known["log"]:
             rule["controller"] = name
     study = checked(Source(paths[0], played))
-    assert isinstance(study, Study)  # which a plan is
+    assert isinstance(study, Study)  # A plan is one.
     return study, config.from_tables(paths[1], known, list(own_law))
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from cogless.identify.advice import Advice, logs_of_kind, recording
 from cogless.identify.causes import FASTER, MECHANICS, Found, found_in, guess
 from cogless.identify.steady import Steady
+from cogless.units import TURN
 
 STEEP = 0.5  # exponent of the speed, in magnitude, from which on it is a change
 ALIKE = 0.03  # of a frequency
@@ -32,7 +33,7 @@ def sentences(found: Sequence[Found]) -> list[str]:
         if fast < FASTER * slow:
             continue
         power = math.log(sizes[fast] / sizes[slow]) / math.log(fast / slow)
-        at = f"Order {order} {{0}} from {slow / (2 * math.pi):.3g} to {fast / (2 * math.pi):.3g} rev/s"
+        at = f"Order {order} {{0}} from {slow / TURN:.3g} to {fast / TURN:.3g} rev/s"
         if power < -STEEP:
             said.append(at.format("falls") + ": a torque makes it, not the encoder.")
         elif power > STEEP:
@@ -79,4 +80,4 @@ def _fixed(found: Sequence[Found]) -> list[str]:
 
 def _hertz(of: Found) -> float:
     """Frequency of an order at its speed."""
-    return of.order * of.speed / (2 * math.pi)
+    return of.order * of.speed / TURN

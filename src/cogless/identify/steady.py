@@ -16,6 +16,7 @@ from cogless.identify.files import Array
 from cogless.identify.kernel import shifted
 from cogless.identify.log import Log
 from cogless.identify.waves import Waves, standing_waves, waves_of_signal
+from cogless.units import TURN
 
 ALIKE = 0.1  # of the speed: what is within it is steady
 SMOOTHED = 0.2  # s
@@ -75,11 +76,11 @@ class Steady:
 
     @property
     def rows_a_turn(self) -> float:
-        return 2 * math.pi / (abs(self.speed) * self.log.dt)
+        return TURN / (abs(self.speed) * self.log.dt)
 
     @property
     def turns(self) -> float:
-        return float(abs(self.theta[-1] - self.theta[0])) / (2 * math.pi)
+        return float(abs(self.theta[-1] - self.theta[0])) / TURN
 
     @property
     def logged_ripple(self) -> float:
@@ -170,14 +171,14 @@ def _alike_a_turn_later(angle: Array, smooth: Array) -> NDArray[np.intp]:
     `angle` grows; `smooth` is its smoothed speed.
     """
     rising = np.maximum.accumulate(angle)
-    pairs = int(np.searchsorted(rising, rising[-1] - 2 * np.pi, "right"))
+    pairs = int(np.searchsorted(rising, rising[-1] - TURN, "right"))
     if pairs < 2:
         return np.zeros(0, dtype=np.intp)
-    later = np.searchsorted(rising, rising[:pairs] + 2 * np.pi).clip(max=len(angle) - 1)
+    later = np.searchsorted(rising, rising[:pairs] + TURN).clip(max=len(angle) - 1)
     way = np.concatenate(([0.0], np.cumsum(smooth)))
     mean = (way[later] - way[:pairs]) / np.maximum(later - np.arange(pairs), 1)  # over the turn
     run = _longest(np.abs(smooth[later] - smooth[:pairs]) < ALIKE * np.abs(mean))
-    if len(run) < 2 or rising[run[-1]] - rising[run[0]] < 2 * np.pi * OVERLAP_LEAST:
+    if len(run) < 2 or rising[run[-1]] - rising[run[0]] < TURN * OVERLAP_LEAST:
         return np.zeros(0, dtype=np.intp)
     return np.arange(run[0], later[run[-1]] + 1)
 
@@ -197,7 +198,7 @@ def _part(log: Log, rows: NDArray[np.intp]) -> Steady | None:
         return None
     theta = log["theta"][rows]
     turned = theta[-1] - theta[0]
-    if abs(turned) < 2 * math.pi * TURNS_LEAST:
+    if abs(turned) < TURN * TURNS_LEAST:
         return None
     speed = turned / (log.dt * (len(rows) - 1))
     load = math.copysign(1, speed) * float(np.mean(log["i_q"][rows])) if "i_q" in log else math.nan

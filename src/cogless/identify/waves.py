@@ -23,6 +23,7 @@ from scipy.stats import t as student
 
 from cogless.identify.cogging_orders import FALSE_ALARM
 from cogless.identify.files import Array
+from cogless.units import TURN
 
 ORDERS_MOST = 1000  # highest order that is looked for
 WAVES_MOST = 60  # orders of one part
@@ -91,7 +92,7 @@ def slow_columns(count: int, turns: float) -> Array:
 
 def waves_of_signal(x: Array, theta: Array, orders: Sequence[int]) -> dict[int, complex]:
     """Complex waves X of these orders in a signal, x = Re(X exp(j n theta)), fitted with slow changes."""
-    slow = slow_columns(len(x), (theta[-1] - theta[0]) / (2 * np.pi))
+    slow = slow_columns(len(x), (theta[-1] - theta[0]) / TURN)
     size = 2 * len(orders) + slow.shape[1]
     matrix, vector = np.zeros((size, size)), np.zeros(size)
     for first in range(0, len(x), PIECE_ROWS):
@@ -112,7 +113,7 @@ class _Motion:
         self.y = np.diff(theta) / dt
         self.weight = tukey(len(self.y), TAPERED)
         self.middle = 0.5 * (theta[1:] + theta[:-1])
-        self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / (2 * np.pi))
+        self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / TURN)
         blocks = max(BLOCKS, len(self.y) // PIECE_ROWS) if len(self.y) >= 5 * BLOCKS else len(self.y) // 5
         edges = np.linspace(0, len(self.y), blocks + 1).astype(int)
         self.blocks = [slice(int(a), int(b)) for a, b in pairwise(edges)]
@@ -137,7 +138,7 @@ class _Motion:
 
     def power(self, x: Array, orders: NDArray[np.intp]) -> Array:
         """Power of each order n in x: |sum of weight x exp(-j n theta)|^2."""
-        cell = (np.floor(self.middle / (2 * np.pi) * ANGLE_CELLS) % ANGLE_CELLS).astype(int)
+        cell = (np.floor(self.middle / TURN * ANGLE_CELLS) % ANGLE_CELLS).astype(int)
         wave = np.fft.fft(np.bincount(cell, self.weight * x, ANGLE_CELLS))
         return np.asarray(np.abs(wave[orders]) ** 2)
 
@@ -158,9 +159,9 @@ def standing_waves(
     `own`: orders of the motor. The search also covers those above half the rows' rate that the rows do not
     confuse with another order.
     """
-    turns = abs(theta[-1] - theta[0]) / (2 * np.pi)
+    turns = abs(theta[-1] - theta[0]) / TURN
     speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
-    a_turn = 2 * np.pi / (abs(speed) * dt)  # rows
+    a_turn = TURN / (abs(speed) * dt)  # rows
     top = int(min(ORDERS_MOST, math.ceil(a_turn / 2) - 1))
     beyond = list(_apart_when_folded([n for n in own if top < n], a_turn, turns))
     candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
@@ -186,7 +187,7 @@ class _Search:
     def __init__(self, motion: _Motion, candidates: NDArray[np.intp], top: int, step: float) -> None:
         self.motion, self.candidates, self.top, self.step = motion, candidates, top, step
         turned = motion.theta[-1] - motion.theta[0]
-        rows, turns = abs(2 * np.pi * len(motion.y) / turned), abs(turned) / (2 * np.pi)
+        rows, turns = abs(TURN * len(motion.y) / turned), abs(turned) / TURN
         speed = turned / (motion.dt * len(motion.y))
         self.sawtooth = _sawtooth(candidates, rows, turns, step) * (motion.weight.sum() * speed / 2) ** 2
 

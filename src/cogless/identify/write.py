@@ -17,6 +17,7 @@ from cogless.maps.learned_map import motor_identity
 from cogless.maps.stored_map import StoredMap, to_csv
 from cogless.study.messages import toml
 from cogless.study.motor import Motor
+from cogless.units import TURN
 
 CELLS, POINTS = 1024, 8  # of the table, at least; for each wave of the highest order
 CURRENT = 1  # code of the map's unit
@@ -91,7 +92,7 @@ def to_dict(made: Estimate) -> dict[str, Any]:
 def compensation(made: Estimate) -> StoredMap:
     """The current that cancels the cogging, over the mechanical angle."""
     cells = max(CELLS, POINTS * max(wave.order for wave in made.cogging))
-    angle = 2 * np.pi / cells * np.arange(cells)
+    angle = TURN / cells * np.arange(cells)
     current = -sum(wave.size.value * np.sin(wave.order * angle + wave.phase.value) for wave in made.cogging)
     limit = float(np.max(np.abs(current)))
     motor = Motor.model_validate(described.motor(made))

@@ -276,7 +276,7 @@ def _of_trials(
     design = retuned(study, run, study if like is None else like)
     page = {
         "trials": conditions.trials,
-        "ticks": study.samples(scenario) * timing.divider,  # of a trial
+        "ticks": study.samples(scenario) * timing.divider,  # A trial has as many.
         "decimation": timing.decimation,
         "divider": timing.divider,
         "pole_pairs": conditions.pole_pairs,

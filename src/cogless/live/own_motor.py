@@ -57,7 +57,7 @@ class Product:
     start: float
     powers: Mapping[str, int]
     factors: tuple[float, ...] = ()  # from the least pole pairs on, of a whole number its values; none: 1
-    curve: tuple[float, ...] = ()  # at `nodes`; none: 1
+    curve: tuple[float, ...] = ()  # It has a value at each of `nodes`; none: 1.
 
 
 @dataclass(frozen=True)

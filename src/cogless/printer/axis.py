@@ -56,7 +56,7 @@ class Axis(Table):
 
     @model_validator(mode="after")
     def _whole_teeth(self) -> Axis:
-        if teeth_of(self.step_angle) is None:
+        if not teeth_of(self.step_angle):
             raise invalid('expected 360 deg over four times the teeth, such as "1.8 deg"', "step_angle")
         if (self.holding_torque is None) != (self.rated_current is None):
             raise invalid("expected it together with rated_current", "holding_torque", value="alone")
@@ -64,7 +64,7 @@ class Axis(Table):
 
     @property
     def rotor_teeth(self) -> int:
-        return teeth_of(self.step_angle) or 1
+        return teeth_of(self.step_angle)
 
     @property
     def path_share(self) -> float:

@@ -47,7 +47,7 @@ def stripe_causes(
     """
     share = DIAGONAL if diagonal else 1.0
     turn = pulley_teeth * belt_pitch * share
-    teeth = teeth_of(step_angle) or 1
+    teeth = teeth_of(step_angle)
     frequency = speed / spacing
     candidates = [
         Cause(

@@ -7,9 +7,10 @@ from html import escape
 from pathlib import Path
 
 from cogless.files import replacing
-from cogless.identify.diagnosis import SHOWN, TURN, Diagnosis, answer, shown, sizes
+from cogless.identify.diagnosis import SHOWN, Diagnosis, answer, shown, sizes
 from cogless.report.identified import page_of, sentences
 from cogless.report.markup import note, table
+from cogless.units import TURN
 
 DIAGNOSIS_COLOURS = 6  # colours of the palette
 

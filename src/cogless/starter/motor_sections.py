@@ -408,7 +408,7 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
 def _teeth(request: Request, part: Part) -> int:
     angle = request.value("step-angle") or part["step_angle"].typical
     teeth = teeth_of(angle)
-    if teeth is None:
+    if not teeth:
         text = request.numbers["step-angle"].text
         raise RequestError("step-angle", text, "expected 360 deg over four times the teeth, such as 1.8 deg")
     return teeth

@@ -373,11 +373,11 @@ STEPS_IN_A_PERIOD = 4  # full steps in an electrical revolution
 STEP_ANGLE_TOLERANCE = 1e-6  # relative
 
 
-def teeth_of(step_angle: float) -> int | None:
-    """Teeth of a rotor whose full step is this angle, rad; None: it is of no step motor."""
-    share = math.tau / STEPS_IN_A_PERIOD / step_angle if step_angle > 0 else 0.0
-    whole = 1 <= share <= MOST_TEETH and math.isclose(share, round(share), rel_tol=STEP_ANGLE_TOLERANCE)
-    return round(share) if whole else None
+def teeth_of(step_angle: float) -> int:
+    """Teeth of a rotor whose full step is this angle, rad; 0: it is of no step motor."""
+    count = math.tau / STEPS_IN_A_PERIOD / step_angle if step_angle > 0 else 0.0
+    is_whole = math.isclose(count, round(count), rel_tol=STEP_ANGLE_TOLERANCE)
+    return round(count) if is_whole and count < MOST_TEETH + 1 else 0
 
 
 class StepMotor(Table):
@@ -423,7 +423,7 @@ class StepMotor(Table):
         if (self.teeth is None) == (self.step_angle is None):
             expected = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
             raise invalid(expected, "teeth", value="missing")
-        if self.step_angle is not None and teeth_of(self.step_angle) is None:
+        if self.step_angle is not None and not teeth_of(self.step_angle):
             raise invalid('expected 360 deg over four times the teeth, such as "1.8 deg"', "step_angle")
         if bool(self.L_m) == (self.holding_torque is not None):
             expected = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
@@ -446,7 +446,7 @@ class StepMotor(Table):
     @property
     def pole_pairs(self) -> int:
         """Electrical revolutions in a mechanical one."""
-        return self.teeth or teeth_of(self.step_angle or 0.0) or 1  # one of both is given
+        return self.teeth or teeth_of(self.step_angle or 0.0)  # one of both is given
 
     @property
     def phases(self) -> int:
