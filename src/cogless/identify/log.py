@@ -51,6 +51,9 @@ FILE_LOGS_MOST = 1000  # logs in a file
 HEADINGS_COMPARED = 1000  # with one that a file lacks
 HEADINGS_SHOWN = 12  # of a file that has none like it
 NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading is named
+SPREAD_LEAST = 0.07  # of a period, by which rows are apart unevenly, from which on it is told
+OWN_TIMES = "each is used at its own time"
+EVEN_ROWS = "their times are taken for rounded, and the rows for even"
 REPEATED = 0.2  # share of rows that repeat the one before, from which on it is told
 
 
@@ -452,18 +455,20 @@ def _timed(
         edges = [*(edge for edge in edges if edge < len(t)), len(t)]
         _repeats(name, found, identification.step, remarks)
     parts: list[Columns] = []
-    jitter = 0.0
+    spreads: dict[str, float] = {}
     for first, last in pairwise(edges):
         if last - first >= FEWEST:
-            part, off = _even(t[first:last], {s: v[first:last] for s, v in found.items()}, dt)
+            part, use = _even(t[first:last], {s: v[first:last] for s, v in found.items()}, dt)
             parts.append(part)
-            jitter = max(jitter, off)
+            spreads[use] = max(spreads.get(use, 0.0), float(np.std(np.diff(t[first:last]))))
     if not parts:
         raise StudyError(f"{where}: no {FEWEST} rows without a gap: expected a log without so many gaps")
-    if jitter > 0.05 * dt:
-        remarks.append(
-            f"{name}: the clock jitters by {1e3 * jitter:.2g} ms rms, rows are {1e3 * dt:.3g} ms apart."
-        )
+    apart = f"rows are {1e3 * _period(t, dt):.3g} ms apart"
+    remarks += [
+        f"{name}: {apart}, with a spread of {1e3 * spread:.2g} ms rms; {use}."
+        for use, spread in spreads.items()
+        if spread > SPREAD_LEAST * dt
+    ]
     joined = {s: np.concatenate([part[s] for part in parts]) for s in parts[0]}
     if "theta" in joined:
         offset = (
@@ -616,8 +621,8 @@ def _period(t: Array, dt: float) -> float:
     return float(np.mean(steps[steps <= GAP * dt]))
 
 
-def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, float]:
-    """Bring rows to equal times; returns them and the jitter of the clock, s rms.
+def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, str]:
+    """Bring rows to equal times; returns them and how each row's time was used, for a remark.
 
     Times that are only rounded, to steps as large as their jitter, are taken for equal ones.
     """
@@ -627,9 +632,9 @@ def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, float]:
     jitter = float(np.std(off))
     grain = float(np.min(np.diff(np.unique(np.round(np.diff(t), 9))), initial=np.inf))
     if jitter < 0.02 * dt or (np.isfinite(grain) and grain > 0.1 * dt and jitter <= grain):
-        return found, jitter
+        return found, EVEN_ROWS
     even = np.arange(t[0], t[-1], slope)
-    return {signal: np.interp(even, t, values) for signal, values in found.items()}, jitter
+    return {signal: np.interp(even, t, values) for signal, values in found.items()}, OWN_TIMES
 
 
 def _moved(theta: Array, ends: NDArray[np.int_]) -> Array:
