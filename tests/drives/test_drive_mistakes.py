@@ -13,6 +13,7 @@ from drives.moteus_stand_in import Moteus, tview_csv
 from cogless.cli.drives import _source
 from cogless.drives.adapter import FRAME_FILE, TableFrame
 from cogless.drives.moteus import MOTEUS, read_logs
+from cogless.drives.moteus_dump import read_dump
 from cogless.errors import StudyError
 
 # The headings of a log, two rows under them, and the column without which it is none.
@@ -82,6 +83,21 @@ def turning(folder: Path, **changes: str) -> tuple[list[Path], Path]:
     drive = Moteus(ratio=0.25)
     logs = tview_csv(drive.run([(0.0, 3.0), (4.0, 3.0)]), folder, "slow", every=5)
     return logs, drive.dump(folder / "dump.cfg", **changes)
+
+
+def test_a_dump_among_the_logs_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As `cogless identify * --drive-config dump.cfg` names it."""
+    log, dump = log_of("moteus", tmp_path), Moteus().dump(tmp_path / "dump.cfg")
+    code, _, err = cogless(capsys, "identify", dump, log, "--drive-config", dump, "-o", tmp_path / "out")
+    line = f"{dump}: among the logs and in --drive-config: expected it in the latter only\n"
+    assert (code, err) == (2, line)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_a_dump_may_be_as_windows_redirects_it(encoding: str, tmp_path: Path) -> None:
+    dump, redirected = Moteus().dump(tmp_path / "dump.cfg"), tmp_path / "redirected.cfg"
+    redirected.write_text(dump.read_text().replace("\n", "\r\n"), encoding=encoding)
+    assert read_dump(redirected).values == read_dump(dump).values
 
 
 def test_firmware_that_takes_no_table_is_one_line(tmp_path: Path) -> None:

@@ -112,6 +112,36 @@ def test_ramps_take_the_ripple_out(
     assert np.mean(ratios) < 0.11 and max(ratios) < 0.2
 
 
+@pytest.mark.parametrize(
+    ("same", "line"),
+    [
+        (("probe", "plain"), "plain-1.csv: expected a printer whose SET_PHASE_CORRECTION acts"),
+        (("backward", "forward"), "forward-plain-1.csv: expected a run in each direction"),
+    ],
+)
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_a_run_that_is_not_what_its_name_says_is_one_line(
+    noise: float,
+    same: tuple[str, str],
+    line: str,
+    records: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]],
+    axis_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Ramps whose probe does not act, and a second run forward that is named backward."""
+    one, other = same
+    wrong = {
+        (d, k): records[d.replace(one, other), k.replace(one, other)]  # as it was recorded in truth
+        for d, k in records
+    }
+    logs = write_klipper_logs(tmp_path, wrong, 0, np.random.default_rng(6), noise)
+    logs = [path for path in logs if path.stem.endswith("-1")]
+    out = ["-o", tmp_path / "found"]
+    code, _, err = cogless(capsys, "identify", *logs, "--drive", "klipper", "--drive-config", axis_file, *out)
+    assert (code, err.count("\n")) == (2, 1) and line in err
+
+
 def test_a_motor_in_the_mirror_has_the_conjugate_correction(
     records: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]], axis_file: Path
 ) -> None:

@@ -165,6 +165,8 @@ def _put(written: TableText, lines: Sequence[str], output: Path | None) -> None:
         with replacing(output) as temporary:
             temporary.write_text(written.text, "utf-8")
         print(f"Table: {output}")
+    else:
+        print("No table is written: -o FILE writes it.")
 
 
 def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) -> None:

@@ -6,6 +6,7 @@ in the direction in which a positive i_q accelerates. Currents are peak amperes.
 
 from __future__ import annotations
 
+import codecs
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass, field, replace
@@ -189,10 +190,12 @@ class Adapter:
 
 
 def text_of(path: Path, expected: str) -> str:
-    """The text of a small file. StudyError: it can't be read."""
+    """The text of a small file, UTF-8 or as Windows redirects it, UTF-16. StudyError: it can't be read."""
     try:
         no_device(path)
-        return path.read_text(encoding="utf-8-sig")
+        with path.open("rb") as file:
+            utf_16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        return path.read_text(encoding="utf-16" if utf_16 else "utf-8-sig")
     except UnicodeDecodeError:
         raise StudyError(f"{path}: not UTF-8: expected {expected}") from None
     except OSError as error:

@@ -168,7 +168,13 @@ def cancelling_waves(
 
 def from_stored_map(path: Path) -> HoldingCurrent:
     """The current of the newest stored map in a file. StudyError: it is not one over a revolution."""
-    places = stored_map.read(path)
+    try:
+        places = stored_map.read(path)
+    except stored_map.MapError:
+        raise StudyError(
+            f"{path}: no stored map: expected one, a folder of cogless identify, or --from DRIVE that tells "
+            "whose table it is"
+        ) from None
     newest = stored_map.newest(places)
     if newest is None:
         raise StudyError(f"{path}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in places))

@@ -27,12 +27,13 @@ RUN_NAME = re.compile(r"cogless-(x|y)-(forward|backward)-(plain|probe)-(\d+)")
 RAMP_REPEATS = 3
 DWELL_TIME = 500  # ms of rest before and after a move
 RATE_LEAST = 800.0  # Hz
+WAY_SHARE_LEAST = 0.5  # of the travel, from which on a log tells which way it went
 GAP_MOST = 20.0  # periods of sampling without a sample
 
 
 def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, Numbers]:
     """Times, s, and the acceleration along a direction in x and y, m/s^2. StudyError: no such log."""
-    lines = text_of(path, KLIPPER_LOG).splitlines()
+    lines = text_of(path, KLIPPER_LOG).rstrip().splitlines()
     if not lines or lines[0].replace(" ", "") != HEADING:
         raise StudyError(f'{path}: its first line is not "{HEADING}": expected {KLIPPER_LOG}')
     rows = []
@@ -42,6 +43,11 @@ def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, N
             row = [float(cell) for cell in cells]
         except ValueError:
             row = []
+        if len(row) != 4 and number == len(lines):
+            raise StudyError(
+                f"{path}: line {number}, its last: cut: expected the whole file, which Klipper still writes "
+                "when the macro has ended"
+            )
         if len(row) != 4 or not np.all(np.isfinite(row)):
             raise StudyError(f"{path}: line {number}: expected four finite numbers, as in {KLIPPER_LOG}")
         rows.append(row)
@@ -52,7 +58,7 @@ def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, N
     steps = np.diff(times)
     if np.any(steps <= 0):
         raise StudyError(
-            f"{path}: line {int(np.argmax(steps <= 0)) + 3}: the time goes back: expected one log"
+            f"{path}: line {int(np.argmax(steps <= 0)) + 3}: the time does not grow: expected one log"
         )
     rate = 1 / float(np.median(steps))
     if rate < RATE_LEAST:
@@ -112,7 +118,18 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
         chosen[direction] = pairs
     for direction, pairs in chosen.items():
         lines[direction] = ramps.identify_ramps(axis, [(pair["plain"], pair["probe"]) for pair in pairs])
+    _check_ways([chosen[direction][0]["plain"] for direction in DIRECTIONS], axis)
     return Correction.from_lines(axis, lines)
+
+
+def _check_ways(runs: Sequence[Run], axis: Axis) -> None:
+    """StudyError: both runs go the same way. One alone tells nothing: a sensor may be mounted either way."""
+    ways = [ramps.displacement(run) for run in runs]
+    if min(map(abs, ways)) > WAY_SHARE_LEAST * axis.travel and ways[0] * ways[1] > 0:
+        raise StudyError(
+            f"{runs[1].name}: the carriage goes the same way as in {runs[0].name}: expected a run in each "
+            "direction, as --plan writes them"
+        )
 
 
 def correction_words(correction: Orders) -> str:

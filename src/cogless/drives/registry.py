@@ -164,6 +164,10 @@ def prepare(
 
     StudyError: a file that can't be used, or what is lacking.
     """
+    if configuration in paths:
+        raise StudyError(
+            f"{configuration}: among the logs and in --drive-config: expected it in the latter only"
+        )
     remarks = []
     if drive is None:
         match = recognised(paths[0])

@@ -44,6 +44,7 @@ MODE_HEIGHT = 6.0  # over the median of the rest's power
 MODE_APART = 0.3  # share of a mode's frequency
 MODES_MOST = 2
 GROUPS_MOST = 5  # The errors come from so many groups of blocks.
+CHANGE_LEAST = 1.5  # of noise alone, by which the probe changes the loudest order
 HUBER_LIMIT = 2.0  # standard deviations
 TOOTH_WINDOW = 6  # teeth that a window has
 TOOTH_SAMPLES = 60  # that a window has at least
@@ -166,6 +167,15 @@ def find_start(run: Run, move: Move, wavelength: float) -> float:
     return start
 
 
+def displacement(run: Run) -> float:
+    """The way between two rests, m, by integrating twice; what the sensor reads at rest is the mean."""
+    steps = np.diff(run.times)
+    middles = 0.5 * (run.acceleration[1:] + run.acceleration[:-1])
+    middles = middles - float(middles @ steps) / float(np.sum(steps))
+    speeds = np.concatenate([[0.0], np.cumsum(middles * steps)])
+    return float(0.5 * (speeds[1:] + speeds[:-1]) @ steps)
+
+
 def ringing_modes(run: Run, start: float, move: Move, wavelength: float) -> tuple[float, ...]:
     """Frequencies at which the carriage rings on beside the orders, Hz; at most two."""
     rest = np.zeros(len(run.times))
@@ -251,6 +261,11 @@ class Pair:
     def weights(self) -> Numbers:
         loud = 0.5 * LOUD_SHARE**2 * (np.abs(self.plain) ** 2 + np.abs(self.probed) ** 2)
         return np.asarray(1 / (2 * self.variance + loud))
+
+    @property
+    def change(self) -> float:
+        """The square of what the probe changes in a block, on average, over what noise alone does."""
+        return float(np.mean(self.weights * np.abs(self.plain - self.probed) ** 2)) / 2
 
 
 def _direction(pair: Pair, weights: Numbers) -> tuple[complex, complex]:
@@ -361,6 +376,11 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         sound = np.isfinite(a) & np.isfinite(b)
         pairs[n] = Pair(a[sound], b[sound], variance[sound], speeds[sound])
         frequencies[n], moved[n] = (n * speeds / wavelength)[sound], np.abs(b - a)[sound]
+    if max(pair.change for pair in pairs.values()) < CHANGE_LEAST:
+        raise StudyError(
+            f"{second.name}: the probe changes nothing against {first.name}: expected a printer whose "
+            "SET_PHASE_CORRECTION acts, and a log of its own for each ramp"
+        )
     psi: dict[int, complex] = {}
     coefficients: dict[int, Coefficient] = {}
     for _ in range(PROBE_ROUNDS):
