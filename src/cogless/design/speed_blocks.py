@@ -100,14 +100,16 @@ def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> s
         compared = f"it leaves {learned} of ripple, feedback alone {alone}"
         by = max(parts, key=lambda part: parts[part])
         answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most is by {by}"
-        return answer if coarse is None else f"{answer}. {_harms(study, coarse)}"
-    return settles if coarse is None else f"not sure. {_harms(study, coarse)}. By small signals {settles}"
+        return answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
+    if coarse is None:
+        return settles
+    return f"not sure: {_too_coarse(study, coarse)}; a run tells. By small signals {settles}"
 
 
-def _harms(study: Study, coarse: Remaining) -> str:
-    """Why learning may do harm with a coarse sensor."""
+def _too_coarse(study: Study, coarse: Remaining) -> str:
+    """Why learning may do harm with a coarse sensor, as a clause."""
     few = f"at {speed_text(study, coarse.omega_m)} {coarse.counts:.2g} counts come in a speed sample"
-    return f"It may do harm: {few}, so it may take the position sensor's steps for motion"
+    return f"{few}, so it may take the position sensor's steps for motion"
 
 
 def _times(study: Study, name: str, design: Design) -> str:
