@@ -26,7 +26,8 @@ from cogless.study.reading import Remark
 
 FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
 LATER = r" or later \(not in the model: dead time, current noise"
-YES = rf"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm{LATER}\)"
+LATE = "; too late for scenario slow, which lasts 60 s"
+YES = rf"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm{LATER}\){LATE}"
 REACH = r"; it learns up to 25000 rpm$"
 
 

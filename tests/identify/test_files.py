@@ -446,7 +446,7 @@ def test_text_before_a_heading_is_left_out_within_fifty_lines(tmp_path):
 @pytest.mark.parametrize(
     ("name", "columns", "said"),
     [
-        ("a.npz", {"x": np.zeros(3), "y": np.zeros(4)}, "columns of 3 and 4 rows: expected one clock"),
+        ("a.npz", {"x": np.zeros(3), "y": np.zeros(4)}, "columns of 3 and 4 rows: expected as many in each"),
         ("a.npz", {"x": np.zeros(0)}, "no rows: expected a log"),
         (
             "a.npz",

@@ -64,7 +64,8 @@ def identify(
 ) -> None:
     """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
 
-    From an accelerometer's logs of a printer's axis: the correction of its step motor.
+    From logs of an accelerometer on a printer's axis it finds the correction of the axis's step motor.
+
     Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
     tell is left out, with a sentence on what to record.
     """

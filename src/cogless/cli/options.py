@@ -60,7 +60,9 @@ SetOption = Annotated[
 
 JobsOption = Annotated[
     int,
-    typer.Option("--jobs", "-j", min=1, help="Runs in parallel.", show_default="one a core", metavar="N"),
+    typer.Option(
+        "--jobs", "-j", min=1, help="How many runs at the same time.", show_default="one a core", metavar="N"
+    ),
 ]
 
 ControllerOption = Annotated[
@@ -99,7 +101,7 @@ OnlyOption = Annotated[
     typer.Option(
         "--only",
         metavar="SCENARIO/CONTROLLER",
-        help="Run only this; * and ? stand for any text. Repeatable.",
+        help="Run only these; * stands for any text, ? for one character. Repeatable.",
         autocompletion=complete_run,
     ),
 ]

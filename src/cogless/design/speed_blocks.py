@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 
 from cogless import units
 from cogless.design.blocks import Block, Blocks, margin_words
 from cogless.design.design_table import notes_below, shown_gain
 from cogless.design.law_rules import Gain
 from cogless.design.laws.harmonic import LEARNER
-from cogless.design.settling import left_out, settling
+from cogless.design.sensor_limits import Remaining, remaining
+from cogless.design.settling import Settling, left_out, settling
 from cogless.design.summary import Design, current_loop_summary, summary
 from cogless.design.verdict import Kind
 from cogless.design.warnings import told_apart
@@ -74,7 +75,8 @@ def _certified(study: Study, name: str, design: Design) -> str:
         return design.certificate.words()
     orders = design.certificate.learner.order_words
     if design.certificate.fine:
-        return f"yes, {orders}{_times(study, name, design)}{_reach(study, design)}"
+        settles = f"yes, {orders}{_times(study, name, design)}{_reach(study, design)}"
+        return _beside_sensor(study, remaining(study, name, design.certificate), settles)
     bad = next(speed for speed in speeds if not speed.fine)
     at = speed_text(study, bad.omega_m)
     if bad.snaps is not None:
@@ -82,6 +84,32 @@ def _certified(study: Study, name: str, design: Design) -> str:
     if bad.gamma <= 0:
         return f"no, because at {at} not all orders need converge where the inertia is 50 % off"
     return f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s"
+
+
+def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> str:
+    """The answer for orders that settle, with what the position sensor leaves of it at some speed."""
+    coarse = next((speed for speed in speeds if not speed.modelled), None)
+    little = next((speed for speed in speeds if not speed.worth_it), None)
+    if little is not None:
+        parts = {
+            "the position sensor's steps": little.steps,
+            "the position sensor's error": little.error,
+            "orders that it does not learn": little.unlearned,
+        }
+        learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
+        compared = f"it leaves {learned} of ripple, feedback alone {alone}"
+        by = max(parts, key=lambda part: parts[part])
+        answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most is by {by}"
+        return answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
+    if coarse is None:
+        return settles
+    return f"not sure: {_too_coarse(study, coarse)}; a run tells. By small signals {settles}"
+
+
+def _too_coarse(study: Study, coarse: Remaining) -> str:
+    """Why learning may do harm with a coarse sensor, as a clause."""
+    few = f"at {speed_text(study, coarse.omega_m)} {coarse.counts:.2g} counts come in a speed sample"
+    return f"{few}, so it may take the position sensor's steps for motion"
 
 
 def _times(study: Study, name: str, design: Design) -> str:
@@ -95,7 +123,21 @@ def _times(study: Study, name: str, design: Design) -> str:
         return ""
     lacks = left_out(study, name)
     slower = f" or later (not in the model: {', '.join(lacks)})" if lacks else ""
-    return f", in about {' and '.join(times)}{slower}"
+    ends = "".join(_ends_before(study, name, held_speed) for held_speed in times_held)
+    return f", in about {' and '.join(times)}{slower}{ends}"
+
+
+def _ends_before(study: Study, name: str, settled: Settling) -> str:
+    """The scenario that ends before learning has settled, as a clause; "" if one lasts as long."""
+    at_speed = {
+        key: study.scenario[key].duration
+        for key in study.scenarios_of(name)
+        if study.scenario[key].slowest == settled.omega_m == study.scenario[key].top_reference
+    }
+    longest = max(at_speed, key=lambda key: at_speed[key])
+    if at_speed[longest] >= settled.time:
+        return ""
+    return f"; too late for scenario {longest}, which lasts {at_speed[longest]:.3g} s"
 
 
 def _rounded_time(time: float) -> str:

@@ -58,7 +58,8 @@ def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, N
     steps = np.diff(times)
     if np.any(steps <= 0):
         raise StudyError(
-            f"{path}: line {int(np.argmax(steps <= 0)) + 3}: the time does not grow: expected one log"
+            f"{path}: line {int(np.argmax(steps <= 0)) + 3}: the time does not grow: "
+            "expected the rows of one log"
         )
     rate = 1 / float(np.median(steps))
     if rate < RATE_LEAST:

@@ -1,0 +1,170 @@
+"""What a position sensor leaves of the ripple that the law `harmonic` would take away.
+
+The steps of the angle are noise, which the feedback turns into ripple of the true speed (`counting` of
+ripple.py), and which no order holds. This noise is white while a count or more comes in each sample of the
+law. With fewer, several samples show the same angle, and its error swings with the counts. No model of
+learning here has that.
+
+An error e(theta) of the angle turns the phase of an order n over the measured angle:
+
+    exp(j n (theta_m - e)) = sum_k c_k exp(j (n + k) theta_m),    c_k = mean of exp(-j (n e + k theta_m))
+
+The law holds those n + k that are multiples of its base, sum |c_k|^2 of the order's power. The rest is left.
+For one wave of amplitude a, |c_k| is J_k(n a).
+
+At speeds up to `Certificate.straight` the law also learns e once or twice a turn, from the phases that all
+orders gain together. There is such a phase up to the first zero of J_0, where the mean of an order over the
+turn vanishes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.design.closed_loop import Linear
+from cogless.design.law_rules import feedback_of
+from cogless.design.laws.harmonic import Certificate, Certified, main_order
+from cogless.design.margins import Real
+from cogless.design.ripple import Sampled, counting, orders, responses, sampled
+from cogless.design.speed_loop import SpeedLoop, speed_loop
+from cogless.design.verdict import SAMPLE_COUNTS_LEAST
+from cogless.design.warnings import CURED_RATIO
+from cogless.study import Study, for_scenario
+from cogless.study.position_sensor import Counted
+from cogless.units import TURN
+
+BEND_ANGLE_MOST = 2.404825557695773  # rad, the first zero of J_0
+ERROR_ANGLES = 8  # angles in a wave of the highest order, at which a sensor's error is evaluated
+ERROR_TABLE_ORDERS = 32  # orders of a sensor's error table that are taken
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """The speed's ripple at one speed, rad/s rms: of feedback alone, and what learning leaves."""
+
+    omega_m: float  # rad/s
+    alone: float  # the least that the feedbacks of the scenario's controllers leave
+    steps: float  # its part that the sensor's steps make
+    error: float  # its part that the sensor's error makes
+    unlearned: float  # its part that orders make which are not learned
+    counts: float  # that come in a sample of the law; infinite where the edges are timed
+
+    @property
+    def learned(self) -> float:
+        """The ripple after learning."""
+        return math.hypot(self.steps, self.error, self.unlearned)
+
+    @property
+    def worth_it(self) -> bool:
+        """Whether learning takes away a tenth or more."""
+        return self.learned <= CURED_RATIO * self.alone
+
+    @property
+    def modelled(self) -> bool:
+        """Whether the noise of the sensor's steps is white, as the model has it."""
+        return self.counts >= SAMPLE_COUNTS_LEAST
+
+
+def remaining(study: Study, name: str, certified: Certificate) -> list[Remaining]:
+    """The ripple at the judged speeds that scenarios of a controller with the law `harmonic` hold."""
+    at_speeds = []
+    for scenario in study.scenarios_of(name):
+        omega, sensor = study.scenario[scenario].slowest, for_scenario(study, scenario).drive.position_sensor
+        speed = next((at for at in certified.speeds if math.isclose(at.omega_m, omega)), None)
+        is_steady = omega == study.scenario[scenario].top_reference
+        if speed is not None and is_steady and isinstance(sensor, Counted):
+            at_speeds.append(_remaining(study, name, scenario, certified, speed, sensor))
+    return at_speeds
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """The speed's ripple that a feedback leaves without learning, rad/s."""
+
+    orders: Real  # amplitude of each order of motor, load and current sensors
+    steps: float  # rms
+    error: float  # rms, of the true speed, since the feedback follows the sensor's error
+
+    @property
+    def ripple(self) -> float:
+        """The rms of all."""
+        return math.hypot(_rms(self.orders), self.steps, self.error)
+
+
+def _remaining(
+    study: Study, name: str, scenario: str, certified: Certificate, speed: Certified, sensor: Counted
+) -> Remaining:
+    source, omega, loop = sampled(study, scenario), speed.omega_m, speed_loop(study, scenario)
+    assert source is not None
+    n, d = orders(study, scenario, omega)
+    names = [key for key in study.controllers_in(scenario) if not study.controller[key].learned]
+    feedbacks = [feedback_of(study, key, omega) for key in (name, *names)]
+    own, *others = (
+        _alone(loop, feedback, omega, (n, d), source, sensor)
+        for feedback in feedbacks
+        if feedback is not None
+    )
+    base = certified.learner.base
+    learned = (n % base == 0) & (n <= speed.acting) & ~np.isin(n, speed.held)
+    turned = main_order(study, base) * sum(abs(sensor.wave(k)) for k in (1, 2))
+    bent = turned < BEND_ANGLE_MOST and certified.straight is not None and omega <= certified.straight
+    bends = certified.learner.bends if bent else 0
+    shares = [held_share(sensor, int(order), base, speed.acting, bends) for order in n]
+    missed = own.orders * np.sqrt(1 - np.minimum(shares, 1.0))
+    return Remaining(
+        omega_m=omega,
+        alone=min(alone.ripple for alone in (own, *others)),
+        steps=own.steps,
+        error=math.hypot(own.error, _rms(missed[learned])),
+        unlearned=_rms(own.orders[~learned]),
+        counts=math.inf if source.timed else omega * loop.period / source.count,
+    )
+
+
+def _alone(
+    loop: SpeedLoop,
+    feedback: Linear,
+    omega: float,
+    waves: tuple[NDArray[np.intp], Real],
+    source: Sampled,
+    sensor: Counted,
+) -> _Alone:
+    """`waves`: orders of motor, load and current sensors, and their amplitudes in A."""
+    n, d = waves
+    of_error = np.array(_error_orders(sensor), dtype=float)
+    amplitudes = np.array([abs(sensor.wave(int(order))) for order in of_error])
+    _, S = responses(loop, feedback, of_error * omega / TURN)
+    return _Alone(
+        np.abs(responses(loop, feedback, np.asarray(n * omega / TURN))[0]) * d,
+        0.0 if source.timed else math.sqrt(counting(loop, feedback, source)),
+        _rms(of_error * omega * amplitudes * np.abs(1 - S)),
+    )
+
+
+def _rms(amplitudes: Real) -> float:
+    """The rms of a sum of waves."""
+    return math.sqrt(float(np.sum(amplitudes**2)) / 2)
+
+
+def _error_orders(sensor: Counted) -> list[int]:
+    """The orders of a sensor's error."""
+    of_table = range(1, ERROR_TABLE_ORDERS + 1) if sensor.error_table is not None else ()
+    return sorted({*(part["order"] for part in sensor.orders), *of_table})
+
+
+def held_share(sensor: Counted, order: int, base: int, highest: int, bends: int) -> float:
+    """The share of an order's power, 0 to 1, that the multiples of `base` up to `highest` hold.
+
+    They are orders of the measured angle. `bends`: up to this order the law learns the sensor's error.
+    """
+    angles = ERROR_ANGLES * max(order, highest, ERROR_TABLE_ORDERS)
+    theta, error = TURN / angles * np.arange(angles), np.zeros(angles)
+    for k in _error_orders(sensor):
+        if k > bends:
+            error += abs(sensor.wave(k)) * np.sin(k * theta + np.angle(sensor.wave(k)))
+    power = np.abs(np.fft.fft(np.exp(1j * order * (theta - error))) / angles) ** 2
+    return float(np.sum(power[np.arange(base, highest + 1, base)]))

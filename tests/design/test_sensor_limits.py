@@ -1,0 +1,97 @@
+"""What a position sensor leaves of the ripple: the design's answer beside runs, and a closed form."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import drafts
+import numpy as np
+import pytest
+from scipy.special import jv
+
+from cogless import run_study
+from cogless.design.sensor_limits import held_share, remaining
+from cogless.design.speed_blocks import speed_blocks
+from cogless.design.summary import design
+from cogless.study import Study, changed
+from cogless.study.position_sensor import Absolute
+
+AS_MUCH = 0.95  # ripple with learning / without, from which on it is as much
+NEVER = {"controller.harmonic.learning_start": "1e6 s"}
+
+
+def answer(study: Study) -> str:
+    """What `cogless design` says of the learning of `harmonic`."""
+    (block,) = (block for block in speed_blocks(study).blocks if block.heading.startswith("Harmonic"))
+    return dict(block.rows)["settles"]
+
+
+def ratio(study: Study) -> float:
+    """The ripple of a run with learning over the least of PI and learning off, at the draft's speed."""
+    (scenario,) = study.scenario
+    pi, learned = run_study(study, [f"{scenario}/pi", f"{scenario}/harmonic"], jobs=1).runs
+    (off,) = run_study(changed(study, NEVER), [f"{scenario}/harmonic"], jobs=1).runs
+    ripple = [float(run.metrics["speed_ripple_rad_s"]) for run in (pi, off, learned)]  # type: ignore[arg-type]
+    return ripple[2] / min(ripple[:2])
+
+
+@pytest.mark.parametrize(
+    ("motor", "drive", "encoder", "numbers", "begins", "helps"),
+    [
+        ("nema17", "stepper", "as5600", {}, "not worth it: at 50 rpm it leaves 14.7 rpm", False),
+        ("nema17", "stepper", "as5600", {"speed": 150}, "not worth it: at 150 rpm", False),
+        ("nema17", "stepper", "absolute", {"bits": 18}, "yes, orders 50, 100 to 1200, in about ", True),
+        ("hub", "generic", "incremental", {"cpr": 4096}, "not worth it: at 10 rpm", False),
+        ("hub", "generic", "absolute", {"bits": 18}, "yes, orders 3, 6 to 384, in about ", True),
+        ("hub", "vesc", "as5047", {"speed": 40}, "yes, orders 3, 6 to 384, in about 9 s", False),
+        ("gimbal", "moteus", "as5600", {}, "not sure: at 20 rpm 0.23 counts come in a speed sample, ", False),
+        ("gimbal", "generic", "absolute", {"bits": 18}, "yes, orders 2, 4 to 256, in about ", True),
+        ("drone", "moteus", "as5600", {}, "not sure: at ", False),
+        ("drone", "generic", "as5048", {"speed": 200}, "yes, orders 2, 4 to 256, in about ", True),
+    ],
+)
+def test_a_plain_yes_never_comes_where_learning_leaves_as_much(
+    motor: str, drive: str, encoder: str, numbers: dict[str, Any], begins: str, helps: bool, tmp_path: Path
+) -> None:
+    """A plain yes is one that neither doubts nor comes after the run's end. The guard is on."""
+    _, draft = drafts.written(tmp_path, drafts.request(motor, drive, encoder, **numbers))
+    says, left = answer(draft), ratio(draft)
+    assert says.startswith(begins)
+    plain = says.startswith("yes, ") and "; too late for scenario slow, which lasts " not in says
+    assert plain is helps
+    assert helps is (left < AS_MUCH), left
+
+
+def test_what_an_unlearned_error_of_the_sensor_leaves_is_that_of_a_run(tmp_path: Path) -> None:
+    """A step motor on 18 bits at a speed at which the law does not learn the sensor's error."""
+    _, draft = drafts.written(tmp_path, drafts.request("nema17", "stepper", "absolute", bits=18))
+    certified = design(draft, "harmonic").certificate
+    assert certified is not None
+    (speed,) = remaining(draft, "harmonic", certified)
+    assert speed.modelled
+    assert speed.worth_it
+    assert speed.error > 0.99 * speed.learned
+    assert speed.learned / speed.alone == pytest.approx(ratio(draft), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("order", "base", "amplitude", "bends"), [(200, 50, 0.005, 0), (12, 1, 0.1, 0), (270, 3, 0.004, 1)]
+)
+def test_the_share_that_orders_hold_is_that_of_bessel_functions(
+    order: int, base: int, amplitude: float, bends: int
+) -> None:
+    """One wave of error: the sum of J_k(n a)^2 over the n + k that are learned; all of it if e is learned."""
+    sensor = Absolute.model_validate(
+        {
+            "kind": "absolute",
+            "bits": 14,
+            "error": [{"order": 1, "amplitude": f"{amplitude} rad", "phase": "0.7 rad"}],
+        }
+    )
+    highest = 6 * order // base * base
+    held = np.arange(base, highest + 1, base)
+    expected = 1.0 if bends else float(np.sum(jv(held - order, order * amplitude) ** 2))
+    assert held_share(sensor, order, base, highest, bends) == pytest.approx(expected, abs=1e-9)
+    assert math.isclose(expected, 1.0) is bool(bends or base == 1)
