@@ -42,7 +42,7 @@ ERROR_ANGLES = 8  # angles in a wave of the highest order, at which a sensor's e
 ERROR_TABLE_ORDERS = 32  # orders of a sensor's error table that are taken
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Remaining:
     """The speed's ripple at one speed, rad/s rms: of feedback alone, and what learning leaves."""
 
