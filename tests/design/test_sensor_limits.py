@@ -33,8 +33,9 @@ def ratio(study: Study) -> float:
     (scenario,) = study.scenario
     pi, learned = run_study(study, [f"{scenario}/pi", f"{scenario}/harmonic"], jobs=1).runs
     (off,) = run_study(changed(study, NEVER), [f"{scenario}/harmonic"], jobs=1).runs
-    ripple = [float(run.metrics["speed_ripple_rad_s"]) for run in (pi, off, learned)]  # type: ignore[arg-type]
-    return ripple[2] / min(ripple[:2])
+    metrics = [run.metrics["speed_ripple_rad_s"] for run in (pi, off, learned)]
+    *alone, left = np.asarray(metrics, dtype=float)
+    return float(left / min(alone))
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from cogless.design.closed_loop import Linear
 from cogless.design.law_rules import feedback_of
-from cogless.design.laws.harmonic import Certificate, Certified, main_order
+from cogless.design.laws.harmonic import BENDS_FROM, Certificate, Certified, main_order
 from cogless.design.margins import Real
 from cogless.design.ripple import Sampled, counting, orders, responses, sampled
 from cogless.design.speed_loop import SpeedLoop, speed_loop
@@ -110,7 +110,7 @@ def _remaining(
     )
     base = certified.learner.base
     learned = (n % base == 0) & (n <= speed.acting) & ~np.isin(n, speed.held)
-    turned = main_order(study, base) * sum(abs(sensor.wave(k)) for k in (1, 2))
+    turned = main_order(study, base) * sum(abs(sensor.wave(k)) for k, _ in enumerate(BENDS_FROM, 1))
     bent = turned < BEND_ANGLE_MOST and certified.straight is not None and omega <= certified.straight
     bends = certified.learner.bends if bent else 0
     shares = [held_share(sensor, int(order), base, speed.acting, bends) for order in n]
