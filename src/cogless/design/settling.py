@@ -44,8 +44,8 @@ def settling(study: Study, name: str, certified: Certificate | None = None) -> l
     """
     times: dict[float, float] = {}
     for scenario in study.scenarios_of(name):
-        omega = study.scenario[scenario].slowest
-        if not omega or omega < study.scenario[scenario].top_reference:
+        omega = study.scenario[scenario].constant_speed
+        if omega is None:
             continue
         if certified is not None:
             time = _time_of_harmonic(study, name, scenario, omega, certified)

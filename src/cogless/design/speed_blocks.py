@@ -132,7 +132,7 @@ def _ends_before(study: Study, name: str, settled: Settling) -> str:
     at_speed = {
         key: study.scenario[key].duration
         for key in study.scenarios_of(name)
-        if study.scenario[key].slowest == settled.omega_m == study.scenario[key].top_reference
+        if study.scenario[key].constant_speed == settled.omega_m
     }
     longest = max(at_speed, key=lambda key: at_speed[key])
     if at_speed[longest] >= settled.time:
