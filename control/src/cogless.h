@@ -29,6 +29,7 @@
 #include "cogless/quality.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"
+#include "cogless/square_root.h"
 #include "cogless/telemetry.h"
 #include "cogless/transform.h"
 #include "cogless/trial_basis.h"

@@ -1,6 +1,7 @@
 #include "current_reference.h"
 
 #include "range.h"
+#include "square_root.h"
 
 #define USUAL_SHARE CGL_R(0.95)
 #define LARGEST_DROP CGL_R(1.0e6) /* largest voltage over the planned one; no current weakens more than that */
@@ -28,38 +29,16 @@ CGL_SELDOM const char *cgl_current_reference_bad_field(const cgl_current_referen
     return cgl_is_within(saliency, CGL_SALIENCY_MAX) ? 0 : CGL_FIELD("current_reference.psi_f");
 }
 
-/* Square root; 0 for x below 1e-30 and for NaN. Factors of four bring x to [1, 4], then Newton's iteration follows. */
-CGL_SELDOM static cgl_real square_root(cgl_real x)
-{
-    cgl_real rest = x, scale = CGL_R(1.0);
-    if (!(x > CGL_R(1.0e-30))) {
-        return CGL_R(0.0);
-    }
-    for (int n = 0; n < 64 && rest > CGL_R(4.0); ++n) {
-        rest *= CGL_R(0.25);
-        scale *= CGL_R(2.0);
-    }
-    for (int n = 0; n < 64 && rest < CGL_R(1.0); ++n) {
-        rest *= CGL_R(4.0);
-        scale *= CGL_R(0.5);
-    }
-    cgl_real root = CGL_R(0.7) + CGL_R(0.34) * rest;
-    for (int n = 0; n < 4; ++n) {
-        root = CGL_R(0.5) * (root + rest / root);
-    }
-    return root * scale;
-}
-
 /* The d-axis current of most torque at the current limit, as a share of it: of x (x - 1) = y^2 with x = saliency d, y = saliency q. */
 CGL_SELDOM static cgl_real d_at_limit(cgl_real saliency)
 {
-    return CGL_R(-2.0) * saliency / (CGL_R(1.0) + square_root(CGL_R(1.0) + CGL_R(8.0) * saliency * saliency));
+    return CGL_R(-2.0) * saliency / (CGL_R(1.0) + cgl_square_root(CGL_R(1.0) + CGL_R(8.0) * saliency * saliency));
 }
 
 /* The largest q-axis current beside d, both as shares of the limit. */
 static cgl_real q_at_limit(cgl_real d)
 {
-    return square_root(CGL_R(1.0) - d * d);
+    return cgl_square_root(CGL_R(1.0) - d * d);
 }
 
 CGL_SELDOM cgl_error cgl_current_reference_init(cgl_current_reference *currents,
@@ -91,7 +70,7 @@ CGL_SELDOM cgl_error cgl_current_reference_init(cgl_current_reference *currents,
 CGL_SELDOM static cgl_real d_of_least_current(cgl_real saliency, cgl_real torque)
 {
     const cgl_real size = cgl_abs(saliency) * torque, square = size * size;
-    cgl_real x = size < CGL_R(1.0) ? square : square_root(size);
+    cgl_real x = size < CGL_R(1.0) ? square : cgl_square_root(size);
     if (!(x > CGL_R(0.0))) {
         return CGL_R(0.0);
     }
@@ -110,7 +89,7 @@ typedef struct {
     cgl_real saliency;
 } plane;
 
-/* Square of the voltage beyond its limit: at most 0 within it. */
+/* The square of the voltage, less the square of its limit, which is 1. The result is at most 0 if the voltage is within its limit. */
 static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
 {
     const cgl_real u_d = at->r * d - at->side * at->x_q * q;
@@ -135,7 +114,7 @@ CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
         }
         /* a (q - deepest)^2 = -least - a (q_least - deepest)^2, where the second term is zero or b > 0 */
         const cgl_real c = excess(at, d, CGL_R(0.0));
-        q = (square_root(b * b - a * c) - b) / a;
+        q = (cgl_square_root(b * b - a * c) - b) / a;
         q = q < q_least ? q_least : (q < q_max ? q : q_max);
     }
     return q * (CGL_R(1.0) - at->saliency * d);

@@ -149,14 +149,14 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool wanted, bool learn
     const cgl_monitor *const monitor = &drive->monitor;
     /* it goes on judging where the angle is off by a jump: the speed is right, and what is learned acts at wrong places */
     const bool plausible = monitor->trusted || (monitor->status & (unsigned)CGL_STATUS_ANGLE_SHIFTED) != 0U;
-    const cgl_guard_input in = {error,  monitor->omega_m, drive->in.omega_ref, plausible && !drive->off, drive->saturated,
+    const cgl_guard_input in = {error,  drive->in.omega_ref, plausible && !drive->off, drive->saturated,
                                 wanted, learned};
     cgl_guard_step(guard, &in);
     drive->in.muted = CGL_R(1.0) - guard->share;
     drive->in.gentle = guard->gentle;
-    drive->in.forget = guard->forget;
+    drive->in.forget = cgl_guard_forgets(guard);
     drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;
-    return guard->learn;
+    return cgl_guard_may_learn(guard);
 }
 #endif
 

@@ -21,8 +21,8 @@ extern "C" {
 
 typedef struct {
     uint32_t counts; /* counts in a revolution, four per line of a quadrature encoder, 2 to 2^32 - 1 */
-    uint32_t range;  /* the register runs from 0 to range - 1: 65536 for 16 bits; 0: 2^32; at least 4. An absolute encoder
-                        needs the value of `counts` here */
+    uint32_t range;  /* the register runs from 0 to range - 1. The range is 65536 for 16 bits. It is at least 4, or 0, which stands for
+                        2^32. An absolute encoder needs the value of `counts` here */
     uint32_t zero;   /* position at the index pulse, or the word of an absolute encoder at angle zero, below counts, default 0 */
     bool absolute;   /* the register is the position; default false */
     bool backward;   /* the register falls as the angle grows; default false */

@@ -4,6 +4,7 @@
 #include "duties.h"
 #include "range.h"
 #include "sine.h"
+#include "square_root.h"
 #include "transform.h"
 
 #define BUS_MIN CGL_R(1.0e-30) /* lowest bus voltage with a finite reciprocal [V] */
@@ -72,16 +73,6 @@ typedef struct {
     cgl_real d, q;
 } vector;
 
-/* Square root of x in [1, 2]. Newton's iteration starts at the best straight line, and takes the same time for every x. */
-CGL_SELDOM static cgl_real square_root(cgl_real x)
-{
-    cgl_real root = CGL_R(0.59) + CGL_R(0.4142) * x;
-    for (int n = 0; n < 3; ++n) {
-        root = CGL_R(0.5) * (root + x / root);
-    }
-    return root;
-}
-
 /* A component with its sign and a new size >= 0, which rounding may not make larger than it was. */
 CGL_SELDOM static cgl_real with_size(cgl_real component, cgl_real size)
 {
@@ -101,7 +92,7 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
     /* the ratio of the components cannot overflow, and their squares could */
     const bool steep = cgl_abs(x.q) > cgl_abs(x.d);
     const cgl_real ratio = steep ? x.d / x.q : x.q / x.d;
-    const cgl_real longer = length / square_root(CGL_R(1.0) + ratio * ratio);
+    const cgl_real longer = length / cgl_root_of_1_to_4(CGL_R(1.0) + ratio * ratio);
     const cgl_real shorter = longer * cgl_abs(ratio);
     x.d = with_size(x.d, steep ? shorter : longer);
     x.q = with_size(x.q, steep ? longer : shorter);

@@ -302,7 +302,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     const uint32_t acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));
     cgl_real *const weight = law->cosine + 3U * config->orders;
     for (uint32_t n = 2U * smaller(low, law->low); n < 2U * larger(low, law->low); ++n) {
-        weight[n] = CGL_R(0.0); /* their gains belong to the other signal */
+        weight[n] = CGL_R(0.0); /* these orders become slow or fast: a gain made for z does not fit e, nor one made for e z */
     }
     law->acting = acting;
     law->low = low;
@@ -410,7 +410,8 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
     return cgl_clamp(sum, limit);
 }
 
-/* Whether the error, and the position's reference where it is controlled, are numbers. The angle is one already. */
+/* Whether the error is a number, and whether the position's reference is one, if the law controls the position. The caller has checked the
+ * measured angle. */
 static bool is_plausible(const cgl_harmonic *law, const cgl_law_input *in, cgl_real error)
 {
     const bool placed = !(law->config.k_theta > CGL_R(0.0)) || cgl_is_angle(in->theta_ref);

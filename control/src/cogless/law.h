@@ -40,7 +40,8 @@ typedef struct {
     unsigned status;  /* CGL_STATUS_ bits */
 } cgl_law_output;
 
-/* The step of gentle learning, cgl_gentle_steps[k]. To forget is the last step, which learns nothing and recalls nothing. */
+/* The number of the step in cgl_gentle_steps with which the law learns. While `forget` is true, it is the last step, which learns nothing
+ * and recalls nothing. With COGLESS_NO_GUARD it is 0. */
 static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 {
 #ifdef COGLESS_NO_GUARD

@@ -65,7 +65,7 @@ typedef struct {
 typedef struct {
     cgl_real value;      /* value of the last step, within the limit */
     cgl_real limit;      /* limit from the config */
-    cgl_real sum;        /* map: sum of the old entries of the cells in the Q filter */
+    cgl_real sum;        /* map: sum of the entries in the Q filter, each from before the rotor passed its cell */
     cgl_real anew;       /* map: the same sum, begun anew; it replaces `sum` once it is complete, which removes rounding errors */
     cgl_real correction; /* map: last correction */
     cgl_real partial;    /* part of the mean over this period that has been summed */
@@ -96,7 +96,8 @@ typedef struct {
     uint32_t centred;             /* the first `centred` channels have means that belong to an integral */
     uint32_t scan_cell;           /* next cell of the map for the sum of the mean */
     cgl_real *cell;               /* caller's memory, a row of CGL_MEMORY_ROW entries for each channel: the cells and the ring of a
-                                     map, or the samples of a delay line. In kind delay a row of x comes first */
+                                     map, or the samples of a delay line. In kind delay, the first row has the angle x of each
+                                     sample, and the rows of the channels follow */
     cgl_real gain;                /* forgetting, divided by the number of entries in the Q filter */
     cgl_real per_entry;           /* weight of an entry in the mean */
     cgl_real ts;                  /* sampling period [s] */

@@ -39,8 +39,9 @@ typedef struct {
     cgl_real speed_window; /* time over which the speed is measured; after a jump the speed is implausible for as long [s], >= 0 */
     cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning
                               stops at a quarter of it [rad], >= 0; default 0 */
-    cgl_real stuck_time;   /* since that quarter, full current must also have pushed in the reference's direction for this
-                              time [s], 0 to 9e7 ts; default 0 */
+    cgl_real stuck_time;   /* the angle counts as stuck only if full current has also pushed in the reference's direction for this time.
+                              The count begins at that quarter. A period without full current takes one off the count [s],
+                              0 to 9e7 ts; default 0 */
     cgl_real current_max;  /* the current vector is never longer than this, even in a short circuit [A], >= 0; default 0 */
     cgl_real current_sum;  /* largest |i_a + i_b + i_c| if three phases are measured [A], >= 0; default 0 */
     cgl_real bridge;       /* longest gap of the angle that the last speed bridges [s], >= 0; default 0 */
@@ -79,7 +80,7 @@ typedef struct {
     uint32_t gap_periods;       /* periods with a missing angle in this gap */
     uint32_t speed_wait;        /* periods until the measured speed is plausible again, as a jump leaves its window */
     uint32_t speed_lost;        /* successive periods in which speed_wait was not 0 */
-    uint32_t standstill;        /* periods since the angle, standing still, was first doubted */
+    uint32_t standstill;        /* periods since the reference had turned by a quarter of stuck_angle while the angle stood still */
     uint32_t full_current;      /* periods of standstill with full current, less those without it */
     uint32_t stuck_after;       /* value of standstill when the rotor counted as stuck; 0: it does not */
     uint32_t hold_wait;         /* periods for which the output stays safe */

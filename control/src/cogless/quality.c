@@ -1,11 +1,11 @@
 #include "quality.h"
 
 #include "range.h"
+#include "square_root.h"
 
 #define LONGEST_DEFAULT CGL_R(60.0)    /* default of config.longest [s] */
 #define SAMPLES_MAX CGL_R(1.0e9)       /* samples in a window */
 #define SQUARE_MAX CGL_R(1.0e28)       /* an error with a larger square does not count, so that a float holds a window's sum */
-#define SQUARE_MIN CGL_R(1.0e-30)      /* the root of a smaller square is taken for 0 */
 #define RUN_OUTLIERS 4U                /* outliers of one sign in a row that are neither noise nor a step of an encoder */
 #define WAIT_DIVIDER 16U               /* learning waits for one 16th of a window after such a run */
 #define LASTING_SQUARE CGL_R(4.0)      /* square of 2: errors of up to twice a lasting peak are learned */
@@ -254,30 +254,9 @@ bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
     return false;
 }
 
-/* Square root of x, or 0 outside SQUARE_MIN to SQUARE_MAX. Powers of 4 bring x into [1, 4], where Newton's iteration needs five
- * steps. */
-CGL_SELDOM static cgl_real square_root(cgl_real x)
-{
-    cgl_real scale = CGL_R(1.0);
-    if (!(x >= SQUARE_MIN && x <= SQUARE_MAX)) {
-        return CGL_R(0.0);
-    }
-    for (; x > CGL_R(4.0); x *= CGL_R(0.25)) {
-        scale *= CGL_R(2.0);
-    }
-    for (; x < CGL_R(1.0); x *= CGL_R(4.0)) {
-        scale *= CGL_R(0.5);
-    }
-    cgl_real root = CGL_R(0.5) + CGL_R(0.5) * x;
-    for (int n = 0; n < 5; ++n) {
-        root = CGL_R(0.5) * (root + x / root);
-    }
-    return scale * root;
-}
-
 cgl_quality_report cgl_quality_read(const cgl_quality *quality)
 {
-    const cgl_real residual = square_root(quality->ripple), before = square_root(quality->ripple_before);
+    const cgl_real residual = cgl_square_root(quality->ripple), before = cgl_square_root(quality->ripple_before);
     const bool has_before = quality->began && before > CGL_R(0.0);
     const cgl_quality_report report = {residual, has_before ? CGL_R(1.0) - residual / before : CGL_R(0.0),
                                        quality->windows > 0U, quality->began && quality->trend < -TREND_STEADY,

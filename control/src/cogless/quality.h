@@ -2,10 +2,12 @@
  * it still comes down. It also says which errors are outliers, from which nothing should be learned.
  *
  * A window ends when the rotor has turned by `span`, in either direction, or after `longest`. An outlier is an error far beyond the
- * usual one, and teaches nothing. But a large error that lasts should be learned. A run of four outliers of one sign is no noise.
- * If two successive windows have such runs, the next window learns errors of up to twice the smaller of the two windows' peaks.
- * After a run of outliers that were not learned, learning waits for a sixteenth of a window: their error is a wave, whose passage
- * through zero says nothing. */
+ * usual one, and nothing is learned from it. But a large error that lasts should be learned. Four outliers of one sign in a row are
+ * no noise, and may be such an error. If two successive windows have such runs, the next window learns errors of up to twice the
+ * smaller of the two windows' peaks.
+ *
+ * If such a run is not learned, learning waits for a sixteenth of a window after it. The error swings then. It is small where it
+ * passes through zero, but nothing should be learned from it there either. */
 #ifndef COGLESS_QUALITY_H
 #define COGLESS_QUALITY_H
 
