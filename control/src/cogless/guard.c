@@ -4,12 +4,13 @@
 #define LOUD CGL_R(16.0)     /* A burst has so many times the squares of the bar, four times the ripple, and ends a window at once. */
 #define SHORTEST CGL_R(0.25) /* of a window [s]: twenty windows take the 5 s that are promised */
 #define LONGEST CGL_R(2.5)   /* of a window [s]: a rotor so slow is judged in parts of a turn */
+#define FIRST CGL_R(1.0)     /* of a window of START [s]: a slow rotor does not wait for whole turns, and has its bar from LEARN */
 #define RAMP CGL_R(0.5)      /* of the share from 0 to 1 [s]: the feedback's integral has to take over a load that was learned */
 #define SOON 16U             /* The first test comes after so many windows, so that its own few come soon after the twenty promised. */
 #define RARE 1024U           /* The last tests are so many windows apart: the three windows of a test are then 0.3 % of the time. */
 #define WEIGHT 8U            /* The bar ages eight times slower while learning halves the ripple. */
 #define GUILT 4U             /* counts of evidence that convict: two tests, since one may be chance, or four pauses that helped */
-#define BLATANT CGL_R(4.0)   /* One test convicts if nothing learned leaves a quarter of the squares, half the ripple, and no burst led to it. */
+#define BLATANT CGL_R(4.0)   /* One test convicts if without what is learned the ripple is less than half, and no burst led to it. */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
     {CGL_REAL_MAX, CGL_R(1.0), CGL_R(1.0)}, {CGL_R(1.01), CGL_R(1.0), CGL_R(1.0)}, {CGL_R(0.5), CGL_R(1.0), CGL_R(0.98)},
@@ -52,8 +53,7 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
 CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
 {
     const bool clears = cgl_guard_forgets(guard);
-    const cgl_real most = guard->phase == (uint8_t)CGL_GUARD_START ? SHORTEST : LONGEST; /* A run-up takes no whole turn of a slow rotor. */
-    const cgl_real longest = clears ? CGL_R(40.0) * LONGEST : most;
+    const cgl_real longest = clears ? CGL_R(40.0) * LONGEST : (guard->phase == (uint8_t)CGL_GUARD_START ? FIRST : LONGEST);
     const cgl_real turn = CGL_TWO_PI / larger(cgl_abs(omega_ref), CGL_TWO_PI / longest);
     const cgl_real more = SHORTEST / turn; /* turns; a rotor may be too fast for them to count anything */
     const cgl_real turns = clears ? CGL_R(1.6) : (more < CGL_R(1.0e6) ? (cgl_real)(1U + (uint32_t)more) : CGL_R(1.0e6));
@@ -63,8 +63,8 @@ CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
     guard->squares = guard->fast = CGL_R(0.0);
 }
 
-/* One blatant test, two tests or four pauses say that what is learned does harm. It is cleared and learned more gently, the more so if the last
- * conviction was not long ago. A table that nobody learns on stays as it is, but does not act for a while. */
+/* What is learned is cleared and learned more gently, by two steps if the last conviction was not long ago. A table that nobody learns
+ * on stays as it is, but does not act for a while. */
 CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
 {
     const bool learns = learn && guard->taught;
@@ -134,9 +134,7 @@ CGL_SELDOM static void judge_test(cgl_guard *guard, cgl_real v, const cgl_guard_
     }
     const bool moved = !cgl_is_within(in->omega_ref - guard->speed, CGL_R(0.1) * cgl_abs(guard->speed));
     const bool unlike = moved || stalls || guard->limited > guard->length / 8U;
-    if (!unlike && (part || calm || v < guard->alone)) {
-        guard->alone = alone;
-    }
+    guard->alone = !unlike && (part || calm || v < guard->alone) ? alone : guard->alone;
     if (part || !harms) {
         guard->patience = guard->patience < RARE ? 2U * guard->patience : RARE;
         guard->evidence = 0U;
@@ -155,7 +153,7 @@ CGL_SELDOM static void judge_test(cgl_guard *guard, cgl_real v, const cgl_guard_
  * to the test. */
 CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool calm)
 {
-    const bool part = guard->phase == (uint8_t)CGL_GUARD_START && cgl_abs(in->omega_ref) * SHORTEST < CGL_TWO_PI;
+    const bool part = guard->phase == (uint8_t)CGL_GUARD_START && cgl_abs(in->omega_ref) * FIRST < CGL_TWO_PI;
     guard->alone = part ? CGL_R(0.0) : v;
     guard->acting = v;
     guard->speed = in->omega_ref;
