@@ -71,9 +71,8 @@ CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
     const uint32_t gentle = guard->gentle + (guard->good < 2U * SOON ? 2U : 1U);
     guard->gentle = learns && gentle < CGL_GUARD_STEPS ? gentle : CGL_GUARD_STEPS;
     guard->retry = guard->retry < 4U * RARE ? 2U * guard->retry : guard->retry;
-    guard->good = 0U;
+    guard->good = guard->evidence = 0U;
     guard->patience = SOON;
-    guard->evidence = 0U;
     guard->taught = false;
     go_to(guard, learns ? CGL_GUARD_FORGET : CGL_GUARD_MUTE, 0U);
 }
@@ -167,15 +166,16 @@ CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_gu
 
 /* The fast part of the ripple counts as far as it exceeds what the feedback alone has, which is mostly counts of the encoder. Where the
  * rotor does not turn with its reference, the mean error counts too. A law that learned at once has its bar by one window, in which it
- * had learned little. Until it does, each of the first windows is the bar anew, as a start swings. */
+ * had learned little. Where nothing is learned yet, the first windows may lower the bar, as a start swings. */
 CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, bool loud)
 {
     const cgl_real speed = cgl_abs(in->omega_ref), n = (cgl_real)guard->count, fast = guard->fast / n;
     const cgl_real stalled = cgl_is_within(guard->mean, CGL_R(0.5) * speed) ? CGL_R(0.0) : guard->mean * guard->mean;
-    const bool begins = !guard->taught && guard->good < SOON / 4U;
+    const cgl_real slow = guard->squares / n + stalled + CGL_R(1.0e-20);
+    const bool begins = !guard->taught && guard->good < SOON / 4U && slow < guard->alone;
     const bool blind = guard->phase == (uint8_t)CGL_GUARD_LEARN && (begins || !(guard->alone > CGL_R(0.0)));
     const bool acts = !blind && (guard->phase == (uint8_t)CGL_GUARD_LEARN || guard->phase == (uint8_t)CGL_GUARD_HOLD);
-    const cgl_real v = guard->squares / n + (acts ? larger(fast - BAR * guard->noise, CGL_R(0.0)) : CGL_R(0.0)) + stalled + CGL_R(1.0e-20);
+    const cgl_real v = slow + (acts ? larger(fast - BAR * guard->noise, CGL_R(0.0)) : CGL_R(0.0));
     const bool calm = !(v < CGL_R(0.5) * guard->ripple);
     guard->noise = acts || guard->phase == (uint8_t)CGL_GUARD_PART ? guard->noise : fast;
     guard->ripple = v;
