@@ -179,6 +179,7 @@ Law law(const Section& s, CallbackLaw own, double period, const cgl_drive_config
         own.current_limit = current_limit;
         return own;
     }
+    if (name == MicrosteppingLaw::name) return MicrosteppingLaw::of(s);
     return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, loop_of(control, currents, ts));
 }
 

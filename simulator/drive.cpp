@@ -181,7 +181,8 @@ Drive::Drive(const DriveConfig& config)
     if (config_.bus && steps_currents_) {
         throw std::invalid_argument("bus: expected a law without current_step(), which runs in the drive");
     }
-    if (config_.torque_mode && (std::holds_alternative<CallbackLaw>(config_.law) || std::holds_alternative<PluginLaw>(config_.law))) {
+    if (config_.torque_mode && (std::holds_alternative<MicrosteppingLaw>(config_.law) ||
+                                std::holds_alternative<CallbackLaw>(config_.law) || std::holds_alternative<PluginLaw>(config_.law))) {
         throw std::invalid_argument("torque_mode: expected a law of the control library");
     }
     if (config_.current_reference) {

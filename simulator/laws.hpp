@@ -1,10 +1,11 @@
-// Every law that a drive can run, and its state: those of laws.def, and a user's own.
+// Every law that a drive can run, and its state: those of laws.def, microstepping, and a user's own.
 #pragma once
 
 #include <type_traits>
 #include <variant>
 
 #include "c_law.hpp"
+#include "microstepping_law.hpp"
 #include "own_law.hpp"
 #include "trial_law.hpp"
 
@@ -21,7 +22,7 @@ struct AnyOf {
 using AnyLaw = AnyOf<
 #define CGL_LAW_WITHOUT_MEMORY(law, stem, header, step_function) LawOf<stem##_row>,
 #include "cogless/laws.def"
-    PluginLaw, CallbackLaw>;
+    MicrosteppingLaw, PluginLaw, CallbackLaw>;
 using Law = AnyLaw::Law;
 using LawState = AnyLaw::State;
 

@@ -137,7 +137,7 @@ def test_a_kind_of_metric_has_all_that_belongs_to_one(kind: str) -> None:
     page, about = "trial-studies" if kind in EACH_PHASE else "metrics", METRIC_FUNCTIONS[kind].__doc__ or ""
     places = {f"docs/guide/{page}.md": "### `{}`", "tests/results/test_*metrics.py": '"{}"'}
     assert lacks(kind, places) == []
-    assert re.search(r"signal's unit|no unit|Trials of|, (A|W|s)\b", about), "its docstring names no unit"
+    assert re.search(r"signal's unit|no unit|Trials of|, (A|W|m|s)\b", about), "its docstring names no unit"
     assert kind in get_args(Metric.model_fields["kind"].annotation)
 
 

@@ -204,7 +204,7 @@ COMPLETIONS = {
     "cogless run liu2018 --only 60-rpm/pi-ilc-l": ["60-rpm/pi-ilc-lead"],
     "cogless export liu2018 --controller pi-f": ["pi-fair"],
     "cogless pil liu2018 --scenario 60-rpm-l": ["60-rpm-long"],
-    "cogless design drafts/mine.toml --controller p": [],
+    "cogless design drafts/mine.toml --controller pi": [],
     "cogless export drafts/mine.toml --controller p": ["pi"],
     "cogless export nothing.toml --controller p": [],
     "cogless run liu2018 --set controller.pi.k": ["controller.pi.kp=", "controller.pi.ki="],

@@ -22,6 +22,7 @@
 #include "cogless/map.h"
 #include "cogless/map_store.h"
 #include "cogless/memory.h"
+#include "cogless/microstepping.h"
 #include "cogless/modulation.h"
 #include "cogless/monitor.h"
 #include "cogless/pi.h"

@@ -12,6 +12,7 @@
 #include "cogless/encoder.h"
 #include "cogless/hall.h"
 #include "cogless/low_pass.h"
+#include "cogless/microstepping.h"
 #include "cogless/range.h"
 #include "cogless/encoder_table.h"
 #include "cogless/speed_count.h"
@@ -113,6 +114,52 @@ static void try_angle_observer(void)
         hear_bits(observer.theta);
         hear(observer.omega);
         CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
+    }
+}
+
+static void random_waves(cgl_microstepping_wave wave[CGL_MICROSTEPPING_WAVES])
+{
+    for (uint32_t k = 0; k < CGL_MICROSTEPPING_WAVES; ++k) {
+        wave[k].order = random_below(10) ? random_below(9) : random_bits();
+        wave[k].magnitude = random_gain(CGL_R(0.02));
+        wave[k].phase = random_real(CGL_PI);
+    }
+}
+
+static cgl_microstepping_config random_microstepping(void)
+{
+    cgl_microstepping_config config;
+    config.teeth = random_below(4) ? 50U : random_below(200);
+    config.current = random_gain(CGL_R(1.0));
+    config.microsteps = random_below(8) ? 1U << random_below(12) : random_below(300);
+    random_waves(config.forward);
+    random_waves(config.backward);
+    return config;
+}
+
+static void try_microstepping(void)
+{
+    cgl_microstepping_config config;
+    cgl_microstepping motor;
+    cgl_microstepping_output out;
+    do {
+        config = random_microstepping();
+    } while (cgl_microstepping_init(&motor, &config) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        if (random_below(100) == 0U) {
+            config = random_microstepping();
+            hear_bits((uint32_t)cgl_microstepping_retune(&motor, &config));
+        }
+        if (random_below(200) == 0U) {
+            cgl_microstepping_reset(&motor);
+        }
+        const cgl_real theta_ref = random_real(CGL_R(6.0)), omega_ref = random_real(CGL_R(10.0));
+        cgl_microstepping_step(&motor, theta_ref, omega_ref, &out);
+        CHECK(within(out.i_a, motor.config.current) && within(out.i_b, motor.config.current));
+        CHECK((motor.command & (motor.microstep - 1U)) == 0U);
+        hear(out.i_a);
+        hear(out.i_b);
+        hear_bits(out.status);
     }
 }
 
@@ -404,6 +451,7 @@ void try_parts(long configs)
         {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
         {"current_reference", try_current_reference, 0xbef6cf94U, 0x92606f06U},
         {"square_root", try_square_root, 0x0f9de291U, 0xcb825a3cU},
+        {"microstepping", try_microstepping, 0x4bbf37b0U, 0xaaeda00dU},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }

@@ -27,7 +27,7 @@ def catalogue() -> dict[str, dict[str, str]]:
     return {
         "Studies": {name: _title(path) for name, path in shipped("studies").items()},
         "Motors": {name: _first_comment(path) for name, path in shipped("motors").items()},
-        "Control laws": {**{name: of_speed[name] for name in C_LAWS if name in of_speed}, **own},
+        "Control laws": {**{name: of_speed[name] for name in C_LAWS if name in of_speed}, **of_speed, **own},
         "Control laws of trials": {**of_trials, **own},
     }
 

@@ -339,6 +339,34 @@ def test_chattering_counts_speed_loop_samples(rate):
     assert value("chattering", trace(i_q_ref=relay, rate=rate), signal=None) == pytest.approx(0.4, rel=1e-12)
 
 
+def test_carriage_ripple_is_the_rms_of_its_motors_orders_about_the_line():
+    """Order 4 by 3 um and order 8 by 4 um; belt teeth and a slow wave are outside, as is the line."""
+    speed, radius = 7.3, 6.366e-3
+    belt = replace(CONDITIONS, carriage_radius=radius)
+
+    def angle(time, outside=20e-6):
+        u = 4 * speed * time
+        orders = 3e-6 * np.sin(4 * u + 1) + 4e-6 * np.cos(8 * u)
+        return (
+            5 + speed * time + (orders + outside * np.sin(0.25 * u + 2) + outside * np.sin(10 * u)) / radius
+        )
+
+    t = trace(unit="rad", theta_load=angle, omega_ref=speed)
+    metric = Metric("carriage-ripple", signal="theta_load", window=(0.5, 3.5))
+    assert evaluate(metric, t, belt) == pytest.approx(5e-6 / math.sqrt(2), rel=2e-3)
+    backward = trace(unit="rad", theta_load=lambda time: -angle(time), omega_ref=-speed)
+    assert evaluate(metric, backward, belt) == pytest.approx(evaluate(metric, t, belt), rel=1e-9)
+    even = trace(unit="rad", theta_load=lambda time: 5 + speed * time, omega_ref=speed)
+    assert evaluate(metric, even, belt) < 1e-12
+    assert math.isnan(evaluate(metric, trace(unit="rad", theta_load=5.0, omega_ref=0.0), belt))
+    short = replace(metric, window=(0.5, 0.6))
+    assert math.isnan(evaluate(short, t, belt))
+    speeds_up = trace(unit="rad", theta_load=angle, omega_ref=lambda time: speed * np.minimum(time, 1.0))
+    with pytest.raises(StudyError, match="expected a window in which the reference keeps its speed"):
+        evaluate(metric, speeds_up, belt)
+    assert evaluate(replace(metric, window=(1.0, 3.5)), speeds_up, belt) > 0
+
+
 def test_chattering_needs_every_sample():
     with pytest.raises(StudyError, match=r"expected trace.rate of 1000 Hz or more"):
         value("chattering", trace(i_q_ref=0.0, rate=500), signal=None)

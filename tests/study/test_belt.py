@@ -14,6 +14,7 @@ from cogless.errors import StudyError
 from cogless.run.causes import suspects
 from cogless.run.simulate import simulate
 from cogless.study import changed, load
+from cogless.study.metric import Metric
 
 RADIUS = 20 * 2e-3 / math.tau  # m, of 20 teeth of 2 mm
 BELT = {"pulley_teeth": 20, "mass": "0.5 kg", "resonance": "75 Hz", "damping_ratio": 0.0}
@@ -118,3 +119,35 @@ def test_causes_of_a_ripple_are_sought_without_friction_and_detent(tmp_path: Pat
     without = changed(study, changes)
     assert without.mechanics.load_side is not None
     assert without.mechanics.load_side.coulomb_friction == 0.0 and without.motor.star().cogging == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kind": "carriage-ripple", "signal": "omega_m"}, "expected theta_load or theta_m"),
+        ({"kind": "carriage-ripple", "order": [1]}, 'expected none, since kind is "carriage-ripple"'),
+        (
+            {"kind": "carriage-ripple", "unit": "rpm"},
+            'expected a unit of a length, such as "mm"',
+        ),
+    ],
+)
+def test_a_ripple_of_a_carriage_is_of_its_way(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Metric.model_validate({"name": "m", **changes})
+
+
+def test_a_ripple_of_a_carriage_needs_a_belt_whole_turns_and_rows(tmp_path: Path) -> None:
+    path, metric = studies.write(tmp_path), {"name": "m", "kind": "carriage-ripple", "scenarios": ["low"]}
+    metric["last"] = "0.3 s"
+    fast = {"mechanics.belt": BELT, "scenario.low": SCENARIO}
+    for changes, message in (
+        ({}, 'kind: "carriage-ripple": expected another, or a table mechanics.belt'),
+        ({**fast, "trace.rate": "50 Hz"}, "expected another, or a trace.rate above 64 Hz"),
+        ({**fast, "scenario.low.reference": "10 rpm", "scenario.low.initial_speed": "10 rpm"}, "revolutions"),
+    ):
+        with pytest.raises(StudyError) as error:
+            load(path, {"scenario.low.duration": "0.4 s", **changes, "metric": [metric]})
+        assert message in str(error.value) and len(str(error.value).splitlines()) == 1
+    study = load(path, {**fast, "metric": [metric]})
+    assert study.conditions("low").carriage_radius == pytest.approx(RADIUS)

@@ -81,8 +81,8 @@ def test_a_file_beside_it_may_be_meant_too(tmp_path: Path) -> None:
         (
             {"controller.pi.law": "harmonik"},
             'controller.pi.law: "harmonik": expected one of "pi", "adrc", "pi-ilc", "robust-ilc", '
-            '"anti-cogging", "space-position", "space-speed", "pi-afc", "harmonic", "python", "library", '
-            'perhaps "harmonic"',
+            '"anti-cogging", "space-position", "space-speed", "pi-afc", "harmonic", "microstepping", '
+            '"python", "library", perhaps "harmonic"',
         ),
     ],
 )

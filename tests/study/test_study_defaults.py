@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 import cogless.study
 from cogless.ensemble.arena_file import GivenFeedback
 from cogless.study.laws.law import Base, Commissioning, Tuning
+from cogless.study.laws.microstepping import Wave
 from cogless.study.laws.trial import SignalFilter
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import EitherWay
@@ -46,6 +47,7 @@ GIVEN: dict[str, float | bool] = {
     "study.mechanics.Belt.pitch": 0.002,
     "study.mechanics.LoadSide.ratio": 1.0,
     "study.drive.Quality.longest": 60.0,
+    "study.laws.microstepping.Microstepping.microsteps": 256,
     "study.laws.pi_afc.PiAfc.omega_min": 0.01,
     "study.linear_plant.LinearPlant.input_limit": 1000000.0,
     "study.position_sensor.Counted.window": 16,
@@ -95,6 +97,8 @@ BOUNDS = {
     "study.laws.law.Learning.cells": "ge 4 le 16777216",
     "study.laws.law.Learning.forgetting": "gt 0 le 1",
     "study.laws.law.Learning.q_half_width": "ge 0",
+    "study.laws.microstepping.Microstepping.microsteps": "ge 1 le 1024",
+    "study.laws.microstepping.Wave.order": "ge 1 le 1000",
     "study.laws.periodic.RobustIlc.q": "ge 0",
     "study.drive.CurrentReference.voltage_share": "gt 0 le 1",
     "study.drive.CurrentSensors.bits": "ge 0 le 32",
@@ -207,7 +211,7 @@ def test_a_number_is_in_si_in_a_controller_s_table_and_needs_a_unit_elsewhere(
 ) -> None:
     """In trials both are right, since their plant may be a drive, with units, or one without."""
     for table, model in shipped.items():
-        si = issubclass(model, (Base, Commissioning, GivenFeedback, SignalFilter, Tuning))
+        si = issubclass(model, (Base, Commissioning, GivenFeedback, SignalFilter, Tuning, Wave))
         for name, field in model.model_fields.items():
             for each in marks(field.annotation, field.metadata):
                 if isinstance(each, Quantity):

@@ -36,7 +36,7 @@ def speed_blocks(study: Study) -> Blocks:
             f"{study.label(name)} ({design.law}{f', {design.rule}' if design.rule else ''})",
             [
                 *([("settles", _settles(study, name, design))] if study.controller[name].learned else []),
-                ("margins", margin_words(design.margins)),
+                ("margins", _margins(study, name, design)),
                 *_gain_row(design.gains, without=LEARNER if design.certificate else ()),
             ],
         )
@@ -47,6 +47,10 @@ def speed_blocks(study: Study) -> Blocks:
         for name, loop in told_apart(current_loop_summary(study)).items()
     ]
     return Blocks(study.title, [*controllers, *loops], notes_below(study, designs))
+
+
+def _margins(study: Study, name: str, design: Design) -> str:
+    return "none: it has no feedback" if study.controller[name].open_loop else margin_words(design.margins)
 
 
 def _settles(study: Study, name: str, design: Design) -> str:

@@ -37,7 +37,7 @@ from cogless.results.metrics import result_name
 from cogless.run.plan import NEVER_LEARNS
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
-from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS, Metric, whole_revolutions
+from cogless.study.metric import CARRIAGE_ORDERS, EACH_TRIAL, SIGNAL_DIMENSIONS, Metric, whole_revolutions
 from cogless.study.reading import Changes
 from cogless.study.toml import sections, toml
 from cogless.units import NONE, factor
@@ -230,6 +230,13 @@ def _trial_scenario(study: TrialStudy, scenario: str) -> dict[str, Any]:
     }
 
 
+def _carriage(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
+    """What a metric of a carriage needs besides a trace."""
+    if metric.kind != "carriage-ripple":
+        return {}
+    return {"radius": study.conditions(scenario).carriage_radius, "carriage_orders": CARRIAGE_ORDERS}
+
+
 def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
     dimension = metric.dimension
     unit = metric.unit or dimension.unit
@@ -253,6 +260,7 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
         "order": metric.order,
         "revolutions": whole_revolutions(metric.order or ()),  # that have whole periods of every order
         "frame": metric.frame,
+        **_carriage(study, scenario, metric),
         "window": metric.window,
         "last": metric.last,
         "event": metric.event,

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.results.trace import Array, Trace
-from cogless.study.metric import SIGNAL_DIMENSIONS, Conditions, Metric, turns_held, whole_revolutions
+from cogless.study.metric import (
+    CARRIAGE_ORDERS,
+    SIGNAL_DIMENSIONS,
+    Conditions,
+    Metric,
+    turns_held,
+    whole_revolutions,
+)
 from cogless.study.metric import result_name as result_name
 from cogless.units import ANGLE, ANGULAR_SPEED, TURN
 
@@ -25,6 +32,7 @@ Value = float | None | list[float]
 # Signals with a target. Any other signal should return to its mean from before the event.
 ERROR_SIGNALS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
+REFERENCE_SPREAD_MOST = 1e-9  # of the speed: so much a constant reference varies by rounding
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
@@ -250,6 +258,26 @@ def chattering(m: MetricInput) -> float:
     return float(np.mean(np.abs(np.diff(i_q_ref))))
 
 
+def carriage_ripple(m: MetricInput) -> float:
+    """Rms of a carriage's way about its mean line by the electrical orders in CARRIAGE_ORDERS, m.
+
+    The line is the least-squares one over the window, so that the speed is the mean one. Orders count along
+    the line. NaN if the motor turned too little. StudyError: a speed that the reference changes meanwhile.
+    """
+    reference = m.part("omega_ref", m.rows)
+    if np.ptp(reference) > REFERENCE_SPREAD_MOST * np.max(np.abs(reference)):
+        raise m.error("expected a window in which the reference keeps its speed")
+    time, angle = m.trace.time[m.rows], m.trace.part(m.signal, m.rows)
+    time, angle = time - np.mean(time), angle - np.mean(angle)
+    line = time * (np.dot(time, angle) / (np.dot(time, time) or 1.0))
+    poles = m.conditions.pole_pairs
+    try:
+        amplitudes = order_amplitudes(line, angle - line, CARRIAGE_ORDERS, poles, electrical=True)
+    except TooFewTurnsError:
+        return math.nan
+    return m.conditions.carriage_radius * math.sqrt(sum(a * a for a in amplitudes) / 2)
+
+
 def first_rms(m: MetricInput) -> list[float]:
     """RMS of the first trial of each phase, in the signal's unit."""
     values = rms(m)
@@ -299,6 +327,7 @@ METRIC_FUNCTIONS: dict[str, Callable[[MetricInput], Value | Array]] = {
     "first-rms": first_rms,
     "final-rms": final_rms,
     "trials-to-floor": trials_to_floor,
+    "carriage-ripple": carriage_ripple,
 }
 
 

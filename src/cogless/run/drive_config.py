@@ -16,7 +16,6 @@ from dataclasses import asdict
 from typing import Any, Literal
 
 from cogless.c_layout import control_layout
-from cogless.control_library import C_LAWS
 from cogless.design.auto import missing
 from cogless.design.law_rules import rules_of
 from cogless.errors import StudyError
@@ -331,7 +330,7 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
         pole_pairs=study_here.motor.pole_pairs,
     )
     values = rules_of(study, name).c_config(law, loop)
-    config = control_layout(study.drive.precision).pack(C_LAWS[law.law].config, values)
+    config = control_layout(study.drive.precision).pack(law.c_struct, values)
     return {"config": config, "calibrate": mode == "learn", **_any_law(law)}
 
 

@@ -33,10 +33,13 @@ OWN_DIMENSIONS = {
     "settling": units.TIME,
     "exceeds": units.TIME,
     "time-to-learn": units.TIME,
+    "carriage-ripple": units.LENGTH,
 }
 TURN_SHORTFALL_MOST = 1e-3  # of a revolution, that a window of whole ones may be short
 STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
+OF_A_CARRIAGE = ("theta_load", "theta_m")  # angles that are a belt's way by its pulley's radius
+CARRIAGE_ORDERS = tuple(range(1, 9))  # of an electrical revolution: the band that carriage-ripple counts
 WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
 EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # trials have one value each
 LAST_TRIAL = "last"  # the value that a table of many runs has of a number in each trial
@@ -72,11 +75,12 @@ class Metric(Table):
         "first-rms",
         "final-rms",
         "trials-to-floor",
+        "carriage-ripple",
     ]
     """What is computed."""
     signal: str | None = None
-    """Signal that it is computed from. Default: `omega_m` for `dip`, `settling` and `overshoot`. None for
-    `copper-loss` and `chattering`."""
+    """Signal that it is computed from. Default: `omega_m` for `dip`, `settling` and `overshoot`,
+    `theta_load` for `carriage-ripple`. None for `copper-loss` and `chattering`."""
     window: tuple[Time, Time] | None = Field(default=None, strict=False)  # s
     """Start and end time. Default: from the event to the next one, else the whole run."""
     last: Duration | None = None  # s
@@ -112,6 +116,8 @@ class Metric(Table):
             return data
         if data.get("kind") in AT_AN_EVENT:
             data = {"signal": "omega_m", **data}
+        if data.get("kind") == "carriage-ripple":
+            data = {"signal": OF_A_CARRIAGE[0], **data}
         if isinstance(data.get("order"), int | float):
             data = {**data, "order": [data["order"]]}
         return data
@@ -165,6 +171,8 @@ class Metric(Table):
             optional = key == "event" or (key == "smooth" and self.kind in AT_AN_EVENT)
             if not needed and not optional and getattr(self, key) is not None:
                 raise invalid(f'expected none, since kind is "{self.kind}"', key)
+        if self.kind == "carriage-ripple" and self.signal not in OF_A_CARRIAGE:
+            raise invalid(f"expected {' or '.join(OF_A_CARRIAGE)}", "signal")
         if self.last is not None and (self.window, self.event) != (None, None):
             raise invalid("expected one of window, last and event", "last")
         if self.window is not None and self.window[1] <= self.window[0]:
@@ -198,6 +206,16 @@ class Metric(Table):
         return self.event or 0.0, end if after is None else after - before_event
 
     @property
+    def fourier_orders(self) -> tuple[float, ...]:
+        """Orders of a revolution whose amplitudes the metric computes; empty if it computes none."""
+        return CARRIAGE_ORDERS if self.kind == "carriage-ripple" else self.order or ()
+
+    @property
+    def by_electrical_turn(self) -> bool:
+        """Whether these orders count in an electrical revolution."""
+        return self.kind == "carriage-ripple" or self.frame == "electrical"
+
+    @property
     def better_direction(self) -> str:
         """The direction that is better: as `better` says, but a band is by default better left late."""
         later = self.kind == "exceeds" and "better" not in self.model_fields_set
@@ -221,7 +239,7 @@ class Metric(Table):
         return self.event is None or scenario.has_event(self.event)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Conditions:
     """Data of a run that metrics need besides its trace."""
 
@@ -229,6 +247,7 @@ class Conditions:
     R_s: float = math.nan  # ohm, of the star equivalent
     power_factor: float = math.nan  # 3/2 for three phases, 1 for two
     speed_period: float = math.nan  # s, of the speed loop
+    carriage_radius: float = math.nan  # m/rad, way of a belt's carriage per angle of the motor
     events: tuple[float, ...] = ()  # s, times of the scenario's events
     trials: int | None = None
     starts: tuple[int, ...] = ()  # the phases' first trials, counted from 1

@@ -119,7 +119,11 @@ def metrics(study: Study | TrialStudy) -> None:
 
 
 def known_signals(study: Study | TrialStudy) -> None:
-    """Check that metrics are of signals that a run has."""
+    """Check that metrics are of signals that a run has, and those of a carriage of a drive that has one."""
+    for index, metric in enumerate(study.metric):
+        has_belt = study.mechanics is not None and study.mechanics.belt is not None
+        if metric.kind == "carriage-ripple" and not has_belt:
+            raise invalid("expected another, or a table mechanics.belt", "metric", index, "kind")
     named = {index: metric.signal for index, metric in enumerate(study.metric) if metric.signal}
     for index, absent in zip(named, missing(study, named.values()), strict=True):
         if absent is not None:
@@ -180,20 +184,26 @@ def orders(study: Study) -> None:
     """
     half = study.trace_rate / 2
     for index, metric in enumerate(study.metric):
+        counted = metric.fourier_orders
         for name, scenario in study.scenario.items():
-            if not metric.order or not metric.applies_in(name, scenario):
+            if not counted or not metric.applies_in(name, scenario):
                 continue
-            poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
+            poles = study.motor.pole_pairs if metric.by_electrical_turn else 1
             turns = poles * scenario.top_speed / TURN
             key, span = _span(study, metric, scenario)
-            fewest = whole_revolutions(metric.order)
+            fewest = whole_revolutions(counted)
             if turns_held(turns * span, turns / study.trace_rate) < fewest:
-                expected = f"expected {fewest} or more {metric.frame} revolutions at the top speed"
+                frame = "electrical" if metric.by_electrical_turn else "mechanical"
+                expected = f"expected {fewest} or more {frame} revolutions at the top speed"
                 span_words = f'of scenario "{name}", not {turns * span:.3g}'
                 raise invalid(f"{expected} {span_words}", "metric", index, key)
-            if max(metric.order) * turns >= half:
-                limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
-                raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
+            if max(counted) * turns < half:
+                continue
+            if metric.order is None:
+                expected = f"expected another, or a trace.rate above {2 * max(counted) * turns:.4g} Hz"
+                raise invalid(f'{expected} for scenario "{name}"', "metric", index, "kind")
+            limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
+            raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
 
 
 def of_trials(study: TrialStudy) -> None:

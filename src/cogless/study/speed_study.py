@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -87,12 +88,13 @@ class Study(StudyBase):
 
     def conditions(self, scenario: str) -> Conditions:
         in_scenario = self.in_scenario(scenario)
-        motor = in_scenario.motor.star()
+        motor, belt = in_scenario.motor.star(), in_scenario.mechanics.belt
         return Conditions(
             pole_pairs=motor.pole_pairs,
             R_s=motor.R_s,
             power_factor=motor.power_factor,
             speed_period=1 / in_scenario.drive.rates.outer_loop,
+            carriage_radius=math.nan if belt is None else belt.radius,
             events=tuple(event.time for event in in_scenario.scenario[scenario].events),
         )
 

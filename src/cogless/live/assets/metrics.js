@@ -16,6 +16,7 @@ const liveMetrics = (() => {
   const ERRORS = ["omega_error", "omega_error_measured"];
   const REFERENCES = { omega_m: "omega_ref", omega_measured: "omega_ref", i_d: "i_d_ref", i_q: "i_q_ref" };
   const TURNING = ["rad", "rad/s"];
+  const REFERENCE_SPREAD_MOST = 1e-9; // of the speed: so much a constant reference varies by rounding
   const TURN_SHORTFALL_MOST = 1e-3; // of a revolution, that a window of whole ones may be short
 
   // A trace's signals by name, recorded or derived, each made when it is first asked for.
@@ -263,6 +264,16 @@ const liveMetrics = (() => {
       const from = Math.ceil((time[0] - slack) / period), to = Math.floor((time[time.length - 1] + slack) / period);
       const asked = trace.get("i_q_ref"), samples = Float64Array.from({ length: to - from + 1 }, (_, i) => asked[Math.min(last - 1, trace.left((from + i) * period - slack))]);
       return samples.length < 2 ? NaN : mean(samples.subarray(1).map((v, i) => Math.abs(v - samples[i])));
+    },
+    "carriage-ripple": ({ m, trace, about, first, last, time }) => {
+      const reference = trace.get("omega_ref").subarray(first, last);
+      if (largest(reference) - smallest(reference) > REFERENCE_SPREAD_MOST * largest(reference.map(Math.abs))) return NaN;
+      const x = trace.get(m.signal).subarray(first, last), middle = mean(x), t0 = mean(time);
+      const t = time.map((v) => v - t0), angle = x.map((v) => v - middle);
+      const slope = sum(t.map((v, i) => v * angle[i])) / (sum(t.map((v) => v * v)) || 1);
+      const line = t.map((v) => slope * v), off = angle.map((v, i) => v - line[i]);
+      const found = amplitudes(line, off, m.carriage_orders, 1, about.pole_pairs, true);
+      return m.radius * Math.sqrt(sum(found.map((a) => a * a)) / 2);
     },
   };
 

@@ -235,6 +235,8 @@ class Base(Table):
     learns_while_running: ClassVar[bool] = False
     # whether what it learns are functions of the angle, which hold at every speed
     learns_functions: ClassVar[bool] = False
+    # whether it has no feedback
+    open_loop: ClassVar[bool] = False
     # whether it learns all orders of the motor by itself
     learns_every_order: ClassVar[bool] = False
 
@@ -315,6 +317,11 @@ class Base(Table):
     def row(self) -> str:
         """Its name in laws.def."""
         return self.law
+
+    @property
+    def c_struct(self) -> str:
+        """C type of its configuration."""
+        return C_LAWS[self.row].config
 
     @property
     def unrecorded(self) -> frozenset[str]:

@@ -1,0 +1,40 @@
+// Microstepping as a law of a drive: the currents of the coils that the control library commands, in the rotor's frame.
+//
+// The drive's current loop stands for the driver's. The position sensor is needed for the turn into the rotor's frame alone: what is
+// asked of the coils does not depend on it.
+#pragma once
+
+#include "cogless/angle.h"
+#include "cogless/microstepping.h"
+#include "cogless/transform.h"
+#include "law.hpp"
+#include "section.hpp"
+
+namespace cogless {
+
+struct MicrosteppingLaw {
+    using State = cgl_microstepping;
+    static constexpr const char* name = "microstepping";
+
+    cgl_microstepping_config config;
+
+    static MicrosteppingLaw of(const Section& s) { return {s.packed<cgl_microstepping_config>("config")}; }
+
+    // Throws std::invalid_argument for a configuration that the control library refuses.
+    State start() const {
+        State s{};
+        require(cgl_microstepping_init(&s, &config), name, cgl_microstepping_bad_field(&config));
+        return s;
+    }
+    Command step(State& s, const LawInput& in) const {
+        cgl_microstepping_output out;
+        cgl_microstepping_step(&s, in.c.theta_ref, in.c.omega_ref, &out);
+        if (in.off || !cgl_is_angle(in.c.theta_m)) return {0.0, 0.0, out.status};
+        const cgl_phasor rotor = cgl_phasor_of(config.teeth * cgl_turns(in.c.theta_m));
+        cgl_real i_d, i_q;
+        cgl_park(out.i_a, out.i_b, rotor.sine, rotor.cosine, &i_d, &i_q);
+        return {static_cast<double>(i_d), static_cast<double>(i_q), out.status};
+    }
+};
+
+}  // namespace cogless

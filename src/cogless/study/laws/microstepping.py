@@ -1,0 +1,133 @@
+"""Keys of the law "microstepping": a step motor without a sensor, as the driver of a printer turns it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from cogless import units
+from cogless.control_library import whole_number
+from cogless.study.laws.law import Base, LawLoop, StudyOfLaws
+from cogless.study.position_sensor import IdealSensor
+from cogless.study.table import Many, Quantity, Table, invalid
+
+CORRECTION_WAVES_MOST = whole_number("CGL_MICROSTEPPING_WAVES")
+MICROSTEPS_MOST = whole_number("CGL_MICROSTEPS_MAX")
+CORRECTED_DIRECTIONS: tuple[Literal["forward", "backward"], ...] = ("forward", "backward")
+
+
+class Wave(Table):
+    """A part of a correction: magnitude sin(order u + phase), u the electrical angle of the reference."""
+
+    order: Annotated[int, Field(ge=1, le=1000)]
+    """Waves in an electrical revolution."""
+    magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
+    """Amplitude, as an electrical angle."""
+    phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
+    """Phase of this wave."""
+
+
+Waves = Annotated[Many[Wave], Field(max_length=CORRECTION_WAVES_MOST)]
+
+
+class AngleCorrection(Table):
+    """What is added to the commanded electrical angle, for each direction."""
+
+    forward: Waves = ()
+    """Waves at positive speed, at most 8."""
+    backward: Waves = ()
+    """Waves at negative speed, at most 8."""
+
+    @model_validator(mode="after")
+    def _rises(self) -> AngleCorrection:
+        for direction in CORRECTED_DIRECTIONS:
+            slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
+            if slope >= 1:
+                expected = f"expected order times magnitude below 1 rad together, not {slope:.3g} rad"
+                raise invalid(expected, direction)
+        return self
+
+
+class Microstepping(Base):
+    """Microstepping of a step motor without a sensor, with a correction of the angle by orders."""
+
+    NO_C_FORM: ClassVar[str] = "has its C in microstepping.h, without a drive around it"
+    NOT_ON_PAGE: ClassVar[str] = "it has no gains to try"
+
+    open_loop: ClassVar[bool] = True
+
+    law: Literal["microstepping"]
+    """Microstepping, see [](/guide/printers.md#simulate-a-printer)."""
+    current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)]  # A rms
+    """Current of each coil, rms, as a driver's `run_current`. Its amplitude is $\\sqrt2$ times as large."""
+    microsteps: Annotated[int, Field(ge=1, le=MICROSTEPS_MOST)] = 256
+    """Microsteps in a full step, a power of two up to 1024."""
+    correction: AngleCorrection | None = None
+    """Added to the commanded angle, as `cogless identify --drive klipper` finds it. Default: none."""
+
+    @field_validator("microsteps")
+    @classmethod
+    def _power(cls, microsteps: int) -> int:
+        if microsteps & (microsteps - 1):
+            raise invalid("expected a power of two, such as 256")
+        return microsteps
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of each coil's current, A."""
+        return math.sqrt(2) * self.current
+
+    @property
+    def holds_position(self) -> bool:
+        return True
+
+    @property
+    def learned(self) -> bool:
+        return self.correction is not None
+
+    @property
+    def c_struct(self) -> str:
+        return "cgl_microstepping_config"
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        correction = self.correction or AngleCorrection()
+        return {
+            "teeth": loop.pole_pairs,
+            "current": self.amplitude,
+            "microsteps": self.microsteps,
+            **{direction: _waves(getattr(correction, direction)) for direction in CORRECTED_DIRECTIONS},
+        }
+
+    def check(self, study: StudyOfLaws, name: str) -> None:
+        """Check that motor and drive are what a step motor's driver has."""
+        drive, where = study.drive, ("controller", name, "law")
+        rates = drive.rates
+        unlike = {
+            "a motor of kind step": study.motor.phases != 2,
+            "a current loop that is not ideal": drive.ideal,
+            "drive.rates.speed_loop like current_loop": rates.divider != 1 or rates.position_loop is not None,
+            "the position sensor ideal, which only stands for the driver's coils": (
+                not isinstance(drive.position_sensor, IdealSensor)
+            ),
+            "no drive.bus": drive.bus is not None,
+            "no drive.current_reference": drive.current_reference is not None,
+            **{
+                f"no torque_mode in scenario {key}": study.scenario[key].torque_mode is not None
+                for key in study.scenarios_of(name)
+            },
+        }
+        for expected, is_unlike in unlike.items():
+            if is_unlike:
+                raise invalid(f"expected {expected}", *where, value=self.law)
+        if self.amplitude > drive.current_loop.current_limit * (1 + 1e-9):
+            expected = f"expected at most {drive.current_loop.current_limit / math.sqrt(2):.6g} A rms"
+            raise invalid(f"{expected}, by drive.current_loop.current_limit", *where[:2], "current")
+
+
+def _waves(waves: Sequence[Wave]) -> list[dict[str, float]]:
+    unused = {"order": 0, "magnitude": 0.0, "phase": 0.0}
+    numbers = [{"order": w.order, "magnitude": w.magnitude, "phase": w.phase} for w in waves]
+    return numbers + [unused] * (CORRECTION_WAVES_MOST - len(numbers))
