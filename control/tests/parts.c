@@ -451,7 +451,7 @@ void try_parts(long configs)
         {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
         {"current_reference", try_current_reference, 0xbef6cf94U, 0x92606f06U},
         {"square_root", try_square_root, 0x0f9de291U, 0xcb825a3cU},
-        {"microstepping", try_microstepping, 0x4bbf37b0U, 0xaaeda00dU},
+        {"microstepping", try_microstepping, 0x8a359b39U, 0x4bad28a9U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }

@@ -12,12 +12,13 @@ import trial_studies
 
 import studies
 from cogless import load
+from cogless.design.answers import ANSWER_VERDICTS, Answer, _rounded_time, answer
 from cogless.design.blocks import margin_words
 from cogless.design.closed_loop import Oscillation
 from cogless.design.learning_loop import Worst
 from cogless.design.margins import UNSTABLE, Margins
-from cogless.design.speed_blocks import _rounded_time, _settles, speed_blocks
-from cogless.design.summary import design
+from cogless.design.speed_blocks import speed_blocks
+from cogless.design.summary import Design, design
 from cogless.design.trials.trial_blocks import trial_blocks, why_not
 from cogless.design.trials.trial_summary import summary
 from cogless.design.verdict import Verdict
@@ -38,8 +39,14 @@ def uomodri() -> Study:
     return study
 
 
+def words_of(study: Study, name: str, made: Design) -> str:
+    said = answer(study, name, made)
+    assert said is not None and said.verdict in ANSWER_VERDICTS
+    return said.words
+
+
 @pytest.mark.parametrize(
-    ("verdict", "answer"),
+    ("verdict", "expected"),
     [
         (Verdict("settles", FADES), YES + REACH),
         (
@@ -72,13 +79,13 @@ def uomodri() -> Study:
         (None, "not judged: it is a law of the study's own$"),
     ],
 )
-def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | None, answer: str) -> None:
-    said = _settles(uomodri, "pi-ilc", replace(design(uomodri, "pi-ilc"), learning=verdict))
-    assert re.match(answer, said), said
+def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | None, expected: str) -> None:
+    said = words_of(uomodri, "pi-ilc", replace(design(uomodri, "pi-ilc"), learning=verdict))
+    assert re.match(expected, said), said
 
 
 @pytest.mark.parametrize(
-    ("change", "answer"),
+    ("change", "expected"),
     [
         ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\); it learns up to \d+ rpm$"),
         (
@@ -90,14 +97,14 @@ def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | No
     ],
 )
 def test_the_answer_of_harmonic_is_its_certificate_s(
-    uomodri: Study, change: dict[str, Any], answer: str
+    uomodri: Study, change: dict[str, Any], expected: str
 ) -> None:
     whole = design(uomodri, "harmonic")
     assert whole.certificate is not None
     slow, *others = whole.certificate.speeds
     certificate = replace(whole.certificate, speeds=(replace(slow, **change), *others))
-    said = _settles(uomodri, "harmonic", replace(whole, certificate=certificate))
-    assert re.match(answer, said), said
+    said = words_of(uomodri, "harmonic", replace(whole, certificate=certificate))
+    assert re.match(expected, said), said
 
 
 def test_where_all_speeds_snap_the_certificate_says_it(uomodri: Study) -> None:
@@ -105,7 +112,7 @@ def test_where_all_speeds_snap_the_certificate_says_it(uomodri: Study) -> None:
     assert whole.certificate is not None
     speeds = tuple(replace(speed, snaps="since the rotor snaps") for speed in whole.certificate.speeds)
     certificate = replace(whole.certificate, speeds=speeds)
-    said = _settles(uomodri, "harmonic", replace(whole, certificate=certificate))
+    said = words_of(uomodri, "harmonic", replace(whole, certificate=certificate))
     assert said == certificate.words() == "not judged: since the rotor snaps"
 
 
@@ -124,6 +131,22 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
     assert table["settles"] == "it learned before the run, and doesn't learn in it"
     assert found["harmonic (harmonic, auto)"]["gains"].count(",") == 1  # kp and ki; the rest is in --long
     assert "b 4.393e+04 rpm/s/A" in found["Robust ILC (robust-ilc)"]["gains"]
+
+
+@pytest.mark.parametrize(
+    ("words", "verdict", "reason"),
+    [
+        ("yes", "yes", ""),
+        ("yes; it learns up to 9 rpm", "yes", "it learns up to 9 rpm"),
+        ("no, because it grows, 1.2x a period", "no", "it grows, 1.2x a period"),
+        ("not judged: it snaps", "not judged", "it snaps"),
+        ("not worth it: at 5 rpm it leaves 2 rpm", "not worth it", "at 5 rpm it leaves 2 rpm"),
+        ("it learns nothing; frozen", "no", "it learns nothing; frozen"),
+    ],
+)
+def test_an_answer_has_a_verdict_and_its_reason(words: str, verdict: str, reason: str) -> None:
+    said = Answer(words)
+    assert (said.verdict, said.reason) == (verdict, reason)
 
 
 @pytest.mark.parametrize(

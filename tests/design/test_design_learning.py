@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from cogless import changed, load, run_study
+from cogless.design.answers import to_dict
 from cogless.design.closed_loop import Oscillation
 from cogless.design.design_table import design_table
 from cogless.design.law_rules import unstable_feedback
@@ -19,7 +20,7 @@ from cogless.design.laws import periodic
 from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.learning_loop import FACTOR_MOST, Worst
 from cogless.design.ripple import Ripple
-from cogless.design.summary import to_dict, weakest_margins
+from cogless.design.summary import weakest_margins
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
 from cogless.study.laws.periodic import PiIlc, RobustIlc

@@ -20,6 +20,7 @@ from scipy.linalg import expm
 
 import studies
 from cogless import load
+from cogless.design.answers import to_dict
 from cogless.design.closed_loop import Linear, poles
 from cogless.design.design_table import design_table
 from cogless.design.margins import Margins
@@ -32,7 +33,7 @@ from cogless.design.speed_loop import (
     phase_margin_pi,
     speed_loop,
 )
-from cogless.design.summary import summary, to_dict
+from cogless.design.summary import summary
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
 from cogless.study.laws.law import Tuning

@@ -1,6 +1,7 @@
 """What `cogless design` prints of shipped studies and of an example, line by line, numbers to 0.2 %.
 
-The files are its output: cogless design STUDY > tests/design/printed/STUDY.txt, without blanks at the ends.
+The files are its output, 240 columns wide and without blanks at the ends:
+cogless design STUDY --long > tests/design/printed/STUDY.txt
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ import pytest
 from rich.console import Console
 
 from cogless import load
+from cogless.design.answers import to_dict
 from cogless.design.design_table import design_table
-from cogless.design.summary import to_dict
 from cogless.design.trials import trial_summary
 from cogless.study import TrialStudy
 
@@ -86,7 +87,7 @@ def test_the_same_design_as_json(name: str) -> None:
         assert missing == []
         return
     for controller, each in told["controllers"].items():
-        (line,) = (line for line in printed.splitlines() if line.startswith(f"{study.label(controller)}  "))
+        line = next(line for line in printed.splitlines() if line.startswith(f"{study.label(controller)}  "))
         hertz, degrees, gain, second = map(
             float, re.search(r"([\d.]+) Hz +([\d.]+) deg +([\d.]+) at ([\d.]+) Hz", line).groups()
         )

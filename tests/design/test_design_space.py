@@ -24,6 +24,7 @@ from cogless.design.angle_functions import (
     _reciprocal,
     angle_functions,
 )
+from cogless.design.answers import to_dict
 from cogless.design.closed_loop import Linear
 from cogless.design.design_table import design_table
 from cogless.design.laws.space import SpaceLoop
@@ -37,7 +38,6 @@ from cogless.design.laws.space_bounds import (
     speed_conditions,
     theorem,
 )
-from cogless.design.summary import to_dict
 from cogless.design.verdict import verdict
 from cogless.study.laws.space import SpaceLearning, SpaceSpeed
 from cogless.study.mechanics import Load, Mechanics

@@ -13,12 +13,13 @@ from engine import unpacked
 from rich.console import Console
 
 from cogless import load
+from cogless.design.answers import to_dict
 from cogless.design.design_table import _margins, design_table, shown_gain
 from cogless.design.law_rules import Gain
 from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.space_bounds import theorem
 from cogless.design.margins import UNSTABLE, Margins
-from cogless.design.summary import design, design_dict, to_dict
+from cogless.design.summary import design, design_dict
 from cogless.export.c.export_c import export_c
 from cogless.run.drive_config import engine_config
 from cogless.study import Study

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from cogless import load, run_study
+from cogless.design.answers import to_dict
 from cogless.design.closed_loop import Linear, Oscillation, oscillation, position_margins
 from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import Worst
 from cogless.design.margins import Margins
 from cogless.design.speed_loop import speed_loop
-from cogless.design.summary import to_dict, weakest_margins
+from cogless.design.summary import weakest_margins
 from cogless.design.verdict import Mean, Passing, Repair, Verdict, verdict, warnings
 from cogless.results import Run
 from cogless.study import Study

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import io
+import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import drafts
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.special import jv
 
 from cogless import run_study
+from cogless.design.answers import to_dict
+from cogless.design.design_table import design_table
 from cogless.design.sensor_limits import held_share, remaining
 from cogless.design.speed_blocks import speed_blocks
 from cogless.design.summary import design
@@ -63,6 +69,34 @@ def test_a_plain_yes_never_comes_where_learning_leaves_as_much(
     plain = says.startswith("yes, ") and "; too late for scenario slow, which lasts " not in says
     assert plain is helps
     assert helps is (left < AS_MUCH), left
+
+
+def test_json_and_the_long_table_have_the_answer_s_numbers(tmp_path: Path) -> None:
+    """In SI units the one, in those of the study the other."""
+    _, draft = drafts.written(tmp_path, drafts.request("nema17", "stepper", "as5600"))
+    plain = json.loads(json.dumps(to_dict(draft), allow_nan=False))["controllers"]
+    assert plain["pi"]["answer"] is None
+    of_harmonic = plain["harmonic"]["answer"]
+    assert of_harmonic["verdict"] == "not worth it"
+    assert answer(draft) == f"not worth it: {of_harmonic['reason']}"
+    assert of_harmonic["not_in_model"] == [
+        "dead time",
+        "current noise",
+        "the position sensor's steps and error",
+    ]
+    (time,), (left,) = of_harmonic["settling"], of_harmonic["ripple"]
+    assert time["scenario"] == "slow"
+    assert time["in_time"] is (time["time_s"] <= time["duration_s"])
+    assert (left["worth_it"], left["modelled"]) == (False, False)
+    parts = (left[key] for key in ("sensor_steps_rad_s", "sensor_error_rad_s", "unlearned_orders_rad_s"))
+    assert left["learned_rad_s"] == pytest.approx(math.hypot(*parts))
+    file = io.StringIO()
+    Console(file=file, width=240).print(design_table(draft))
+    (row,) = (line for line in file.getvalue().splitlines() if re.match(r"Harmonic +50 rpm ", line))
+    shown = [float(number) for number in re.findall(r"([\d.]+) rpm", row)]
+    keys = ("omega_m", "alone", "learned", "sensor_steps", "sensor_error", "unlearned_orders")
+    assert shown == pytest.approx([left[f"{key}_rad_s"] * 30 / math.pi for key in keys], rel=0.01)
+    assert answer(draft) in " ".join(file.getvalue().split())
 
 
 def test_what_an_unlearned_error_of_the_sensor_leaves_is_that_of_a_run(tmp_path: Path) -> None:

@@ -75,6 +75,16 @@ def test_what_isnt_known_isnt_said() -> None:
     assert settling(load("verrelli2016"), "filtered") == []
 
 
+def test_the_longest_scenario_at_a_speed_says_whether_learning_is_in_time() -> None:
+    long = {"duration": "300 s", "reference": "15 rpm"}
+    for extra, scenario, duration in (({}, "held", 1.0), ({"scenario.long": long}, "long", 300.0)):
+        study = held(15.0, 1.0, {"metric": [], **extra})
+        (predicted,) = settling(study, "harmonic", design(study, "harmonic").certificate)
+        assert (predicted.scenario, predicted.duration) == (scenario, duration)
+        assert 1 < predicted.time < 300
+        assert predicted.in_time is (scenario == "long")
+
+
 QUIET = {
     **LOSSLESS,
     "drive.current_sensors.noise": "0 A",

@@ -58,9 +58,9 @@ class Plant:
     @property
     def speed(self) -> float:
         """The constant reference, r/min."""
-        scenario = self.study.scenario[TOLD_CASE]
-        assert scenario.slowest == scenario.top_reference
-        return scenario.top_reference / RPM
+        constant_speed = self.study.scenario[TOLD_CASE].constant_speed
+        assert constant_speed is not None
+        return constant_speed / RPM
 
     @property
     def counts(self) -> float:

@@ -158,6 +158,7 @@ STEEPEST = 10 / math.sqrt(3)  # of a move from rest to rest, over distance / tim
     [
         ({"speed": "2 rad/s"}, 0.0, (2.0, 2.0), 0.0),
         ({"speed": "-2 rad/s"}, 0.0, (-2.0, -2.0), 0.0),
+        ({"speed": "0 rad/s"}, 0.0, (0.0, 0.0), 0.0),
         (SINE, 0.0, (2.0, 4.0), 4 * math.pi),
         ({**SINE, "depth": 0.5, "modulation": "1 Hz"}, 0.0, (2.0, 4.0), 5 * math.pi),
         ({"offset": "1 rad/s", "sines": [{"amplitude": "2 rad/s", "frequency": "1 Hz"}]}, 0.0, (-1.0, 3.0),
@@ -180,6 +181,7 @@ def test_what_a_reference_asks_at_most(
     assert scenario.top_reference == pytest.approx(max(map(abs, speeds)))
     turns = min(speeds) <= 0 <= max(speeds)
     assert scenario.slowest == pytest.approx(0.0 if turns else min(map(abs, speeds)))
+    assert scenario.constant_speed == (abs(speeds[0]) if speeds[0] == speeds[1] != 0 else None)
     assert scenario.top_acceleration == pytest.approx(acceleration)
     # and its samples come up to these bounds, but not beyond
     way = course(scenario)

@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from cogless import units
 from cogless.design.angle_functions import Bounds
+from cogless.design.answers import Answer, answer
 from cogless.design.law_rules import Gain
 from cogless.design.margins import Margins
 from cogless.design.summary import Design, current_loop_summary, summary
 from cogless.design.warnings import beyond_drive, coarse_table, loop_remarks, notes, shaft_notes, told_apart
 from cogless.study import Study
+from cogless.study.base import speed_text
 from cogless.units import TURN
 
 if TYPE_CHECKING:
     from rich.console import Group
+    from rich.table import Table
 
+TIME_COLUMNS = ("speed", "settles in", "scenario lasts")
+RIPPLE_COLUMNS = (
+    "feedback alone",
+    "learned",
+    "sensor's steps",
+    "sensor's error",
+    "orders not learned",
+    "counts a sample",
+)
 COLUMN_WIDTH_MOST = 48  # width in characters of the columns for gains and for learning
 
 # Display units that are usual in papers and practice, where they differ from SI.
@@ -50,8 +62,39 @@ def design_table(study: Study) -> Group:
     for name, design in designs.items():
         gains, margins = _gains(design.gains), _margins(design.margins)
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, design.words())
-    below = (*notes_below(study, designs), *_theorems(study, designs))
-    return Group(table, *(Text(line) for line in below))
+    answers = {name: answer(study, name, design) for name, design in designs.items()}
+    words = [f"{study.label(name)}: {one.words}." for name, one in answers.items() if one is not None]
+    below = (*words, *notes_below(study, designs), *_theorems(study, designs))
+    return Group(table, *_at_speeds(study, answers), *(Text(line) for line in below))
+
+
+def _at_speeds(study: Study, answers: Mapping[str, Answer | None]) -> Iterator[Table]:
+    """At each constant speed: the time in which learning settles, and what is left of the speed's ripple."""
+    from rich.table import Table
+
+    has_ripple = any(one is not None and one.remaining for one in answers.values())
+    title = f"At constant speeds{' (ripple: rms of the speed)' if has_ripple else ''}"
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    table.add_column("controller", overflow="fold")
+    for heading in (*TIME_COLUMNS, *(RIPPLE_COLUMNS if has_ripple else ())):
+        table.add_column(heading, justify="right")
+    for name, one in answers.items():
+        for cells in _speed_rows(study, one) if one is not None else ():
+            table.add_row(study.label(name), *(cells if has_ripple else cells[: len(TIME_COLUMNS)]))
+    if table.row_count:
+        yield table
+
+
+def _speed_rows(study: Study, one: Answer) -> Iterator[list[str]]:
+    times = {at_speed.omega_m: at_speed for at_speed in one.settling}
+    ripple = {at_speed.omega_m: at_speed for at_speed in one.remaining}
+    for omega in sorted({*times, *ripple}):
+        time, rest = times.get(omega), ripple.get(omega)
+        lasts = ["", ""] if time is None else [f"{time.time:.3g} s", f"{time.duration:.4g} s"]
+        sizes = () if rest is None else (rest.alone, rest.learned, rest.steps, rest.error, rest.unlearned)
+        counts = "" if rest is None or math.isinf(rest.counts) else f"{rest.counts:.3g}"
+        ripples = [speed_text(study, size, 3) for size in sizes] or [""] * len(RIPPLE_COLUMNS[1:])
+        yield [speed_text(study, omega), *lasts, *ripples, counts]
 
 
 def notes_below(study: Study, designs: Iterable[str]) -> list[str]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cogless.design import design_table, law_rules, speed_blocks, summary, verdict, warnings
+from cogless.design import answers, design_table, law_rules, speed_blocks, summary, verdict, warnings
 from cogless.design.blocks import Blocks
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Kind
@@ -103,7 +103,7 @@ def _trial_warnings(study: TrialStudy, scenario: str, name: str) -> list[Remark]
 DESIGNS: Mapping[Kind, KindOfDesign] = {
     "speed": KindOfDesign(
         prepared=_no_designs,
-        to_dict=summary.to_dict,
+        to_dict=answers.to_dict,
         table=design_table.design_table,
         blocks=speed_blocks.speed_blocks,
         figures=_speed_figures,

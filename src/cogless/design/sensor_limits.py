@@ -73,10 +73,12 @@ def remaining(study: Study, name: str, certified: Certificate) -> list[Remaining
     """The ripple at the judged speeds that scenarios of a controller with the law `harmonic` hold."""
     at_speeds = []
     for scenario in study.scenarios_of(name):
-        omega, sensor = study.scenario[scenario].slowest, for_scenario(study, scenario).drive.position_sensor
+        omega = study.scenario[scenario].constant_speed
+        sensor = for_scenario(study, scenario).drive.position_sensor
+        if omega is None or not isinstance(sensor, Counted):
+            continue
         speed = next((at for at in certified.speeds if math.isclose(at.omega_m, omega)), None)
-        is_steady = omega == study.scenario[scenario].top_reference
-        if speed is not None and is_steady and isinstance(sensor, Counted):
+        if speed is not None:
             at_speeds.append(_remaining(study, name, scenario, certified, speed, sensor))
     return at_speeds
 

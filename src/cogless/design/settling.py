@@ -30,10 +30,17 @@ SETTLING_STEPS_MOST = 1 << 20  # learning periods, or thousandths of a time cons
 
 @dataclass(frozen=True)
 class Settling:
-    """A speed, rad/s, and the time in which learning settles there, s."""
+    """The time in which learning settles at one speed, and the longest scenario that holds that speed."""
 
-    omega_m: float
-    time: float
+    omega_m: float  # rad/s
+    time: float  # s
+    scenario: str
+    duration: float  # s, of the scenario
+
+    @property
+    def in_time(self) -> bool:
+        """Whether the scenario lasts until learning has settled."""
+        return self.duration >= self.time
 
 
 def settling(study: Study, name: str, certified: Certificate | None = None) -> list[Settling]:
@@ -43,9 +50,10 @@ def settling(study: Study, name: str, certified: Certificate | None = None) -> l
     learning takes nothing away.
     """
     times: dict[float, float] = {}
+    longest: dict[float, str] = {}
     for scenario in study.scenarios_of(name):
-        omega = study.scenario[scenario].slowest
-        if not omega or omega < study.scenario[scenario].top_reference:
+        omega = study.scenario[scenario].constant_speed
+        if omega is None:
             continue
         if certified is not None:
             time = _time_of_harmonic(study, name, scenario, omega, certified)
@@ -54,8 +62,14 @@ def settling(study: Study, name: str, certified: Certificate | None = None) -> l
             time = next((each_time for each_time in times_of_loops if each_time), None)
         if time is not None:
             times[omega] = max(time, times.get(omega, 0.0))
+        best = longest.setdefault(omega, scenario)
+        if study.scenario[scenario].duration > study.scenario[best].duration:
+            longest[omega] = scenario
     speeds = sorted(times)
-    return [Settling(omega, times[omega]) for omega in dict.fromkeys([*speeds[:1], *speeds[-1:]])]
+    return [
+        Settling(omega, times[omega], longest[omega], study.scenario[longest[omega]].duration)
+        for omega in dict.fromkeys([*speeds[:1], *speeds[-1:]])
+    ]
 
 
 def left_out(study: Study, name: str) -> list[str]:

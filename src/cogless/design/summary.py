@@ -10,7 +10,7 @@ from cogless.design.law_rules import Gain, rules_of
 from cogless.design.laws.harmonic import Certificate
 from cogless.design.laws.space_bounds import Theorem
 from cogless.design.margins import Margins, finite
-from cogless.design.speed_loop import current_loops, speed_loop, weakness
+from cogless.design.speed_loop import current_loops, weakness
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
 from cogless.study.laws.law import Base
@@ -61,16 +61,6 @@ def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
         numbers = {"kp": Gain(loop.kp, "V/A"), "ki": Gain(loop.ki, "V/A/s")}
         designs[axis] = CurrentLoopDesign(numbers, margins, weakness(margins))
     return designs
-
-
-def to_dict(study: Study) -> dict[str, Any]:
-    """The summary as plain types in SI units, for JSON; a margin that doesn't exist is null."""
-    return {
-        "study": study.title,
-        "current_loop": current_loop_dict(study),
-        "speed_loop": {"period": speed_loop(study).period, **dataclasses.asdict(speed_loop(study))},
-        "controllers": {name: design_dict(design) for name, design in summary(study).items()},
-    }
 
 
 def design_dict(design: Design) -> dict[str, Any]:

@@ -252,6 +252,11 @@ class Scenario(Experiment):
         return max(map(abs, self.speeds))
 
     @property
+    def constant_speed(self) -> float | None:
+        """Magnitude of the one speed that the reference holds, rad/s; None if it varies or stands still."""
+        return self.slowest if self.slowest == self.top_reference != 0 else None
+
+    @property
     def top_acceleration(self) -> float:
         """Largest magnitude of the reference's acceleration, rad/s^2."""
         return self.reference.top_acceleration(self.initial_speed)

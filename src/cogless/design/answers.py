@@ -1,0 +1,197 @@
+"""What `cogless design` answers of a speed controller's learning: in a sentence, and as numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cogless import units
+from cogless.design.laws.harmonic import Certificate
+from cogless.design.margins import finite
+from cogless.design.sensor_limits import Remaining, remaining
+from cogless.design.settling import Settling, left_out, settling
+from cogless.design.speed_loop import speed_loop
+from cogless.design.summary import Design, current_loop_dict, design_dict, summary
+from cogless.design.verdict import Kind
+from cogless.study import Study
+from cogless.study.base import speed_text, spoken_unit
+from cogless.units import ANGULAR_SPEED
+
+# What a verdict that is no yes says, after "because".
+CLAUSES: dict[Kind, str] = {
+    "unstable": "it is unstable",
+    "feedback unstable": "its feedback is unstable",
+    "grows": "it grows",
+    "may grow": "it may grow",
+    "may be unstable": "it may be unstable",
+}
+ANSWER_VERDICTS = ("yes", "not worth it", "not sure", "not judged", "no")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Whether a controller's learning settles and is worth it."""
+
+    words: str  # begins with the verdict where there is one
+    settling: Sequence[Settling] = ()  # where it settles, at constant speeds
+    left_out: Sequence[str] = ()  # what the drive has and the model of `settling` lacks
+    remaining: Sequence[Remaining] = ()  # of `harmonic` on a sensor of counts, at constant speeds
+
+    @property
+    def verdict(self) -> str:
+        """One of ANSWER_VERDICTS; "no" also where nothing is learned in a run."""
+        return next((one for one in ANSWER_VERDICTS if self.words.startswith(one)), "no")
+
+    @property
+    def reason(self) -> str:
+        """The words after the verdict."""
+        return re.sub(r"^[,:; ]*(because )?", "", self.words.removeprefix(self.verdict))
+
+
+def to_dict(study: Study) -> dict[str, Any]:
+    """The design of a study as plain types in SI units, for JSON; a number that doesn't exist is null."""
+    return {
+        "study": study.title,
+        "current_loop": current_loop_dict(study),
+        "speed_loop": {"period": speed_loop(study).period, **dataclasses.asdict(speed_loop(study))},
+        "controllers": {
+            name: {**design_dict(design), "answer": _answer_dict(answer(study, name, design))}
+            for name, design in summary(study).items()
+        },
+    }
+
+
+def _answer_dict(answer: Answer | None) -> dict[str, Any] | None:
+    if answer is None:
+        return None
+    return {
+        "verdict": answer.verdict,
+        "reason": answer.reason,
+        "settling": [
+            {
+                "omega_m_rad_s": at_speed.omega_m,
+                "time_s": at_speed.time,
+                "scenario": at_speed.scenario,
+                "duration_s": at_speed.duration,
+                "in_time": at_speed.in_time,
+            }
+            for at_speed in answer.settling
+        ],
+        "not_in_model": list(answer.left_out),
+        "ripple": [
+            {
+                "omega_m_rad_s": at_speed.omega_m,
+                "alone_rad_s": at_speed.alone,
+                "learned_rad_s": at_speed.learned,
+                "sensor_steps_rad_s": at_speed.steps,
+                "sensor_error_rad_s": at_speed.error,
+                "unlearned_orders_rad_s": at_speed.unlearned,
+                "counts_per_sample": finite(at_speed.counts),
+                "worth_it": at_speed.worth_it,
+                "modelled": at_speed.modelled,
+            }
+            for at_speed in answer.remaining
+        ],
+    }
+
+
+def answer(study: Study, name: str, design: Design) -> Answer | None:
+    """The answer for a controller, with what repairs its learning; None if it has none."""
+    law, verdict = study.controller[name], design.learning
+    if not law.learned:
+        return None
+    if not law.learns:
+        return Answer("it learned before the run, and doesn't learn in it")
+    if design.certificate is not None:
+        return _certified(study, name, design.certificate)
+    if verdict is None:
+        return Answer("not judged: it is a law of the study's own")
+    if verdict.kind == "settles":
+        harm = verdict.short().removeprefix("settles")
+        rest = verdict.words().removeprefix(verdict.short())
+        times, lacks = settling(study, name), left_out(study, name)
+        reach = _reach(study, design.fastest)
+        return Answer(f"yes{_times(study, times, lacks)}{harm}{rest}{reach}", times, lacks)
+    if verdict.kind in CLAUSES:
+        return Answer(f"no, because {CLAUSES[verdict.kind]}{verdict.words().removeprefix(verdict.kind)}")
+    if verdict.kind == "rests":
+        return Answer("; ".join(["it learns nothing", *verdict.frozen]))
+    return Answer(verdict.words())
+
+
+def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
+    """The answer for `harmonic`, of which the certificate speaks."""
+    speeds = certificate.speeds
+    if not speeds or all(speed.snaps is not None for speed in speeds):
+        return Answer(certificate.words())
+    if certificate.fine:
+        times, lacks = settling(study, name, certificate), left_out(study, name)
+        reach = _reach(study, certificate.fastest)
+        settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
+        at_speeds = remaining(study, name, certificate)
+        return Answer(_beside_sensor(study, at_speeds, settles), times, lacks, at_speeds)
+    bad = next(speed for speed in speeds if not speed.fine)
+    at = speed_text(study, bad.omega_m)
+    if bad.snaps is not None:
+        return Answer(f"no, because {bad.snaps}")
+    if bad.gamma <= 0:
+        return Answer(f"no, because at {at} not all orders need converge where the inertia is 50 % off")
+    return Answer(f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
+
+
+def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> str:
+    """The answer for orders that settle, with what the position sensor leaves of it at some speed."""
+    coarse = next((speed for speed in speeds if not speed.modelled), None)
+    little = next((speed for speed in speeds if not speed.worth_it), None)
+    if little is not None:
+        parts = {
+            "the position sensor's steps": little.steps,
+            "the position sensor's error": little.error,
+            "orders that it does not learn": little.unlearned,
+        }
+        learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
+        compared = f"it leaves {learned} of ripple, feedback alone {alone}"
+        by = max(parts, key=lambda part: parts[part])
+        answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most is by {by}"
+        return answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
+    if coarse is None:
+        return settles
+    return f"not sure: {_too_coarse(study, coarse)}; a run tells. By small signals {settles}"
+
+
+def _too_coarse(study: Study, coarse: Remaining) -> str:
+    """Why learning may do harm with a coarse sensor, as a clause."""
+    few = f"at {speed_text(study, coarse.omega_m)} {coarse.counts:.2g} counts come in a speed sample"
+    return f"{few}, so it may take the position sensor's steps for motion"
+
+
+def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str:
+    """In which time it settles, at the slowest and the fastest constant speed; "" if that is unknown."""
+    if not times:
+        return ""
+    words = [f"{_rounded_time(at_speed.time)} at {speed_text(study, at_speed.omega_m)}" for at_speed in times]
+    slower = f" or later (not in the model: {', '.join(lacks)})" if lacks else ""
+    ends = "".join(
+        f"; too late for scenario {at_speed.scenario}, which lasts {at_speed.duration:.3g} s"
+        for at_speed in times
+        if not at_speed.in_time
+    )
+    return f", in about {' and '.join(words)}{slower}{ends}"
+
+
+def _rounded_time(time: float) -> str:
+    """A time in one digit, or in two that begin with 1 or 2, such as "2.4 s", "30 s" or "0.5 s"."""
+    digits = 2 if 1 <= float(f"{time:.1e}".partition("e")[0]) < 3 else 1
+    return f"{float(f'{time:.{digits}g}'):g} s"
+
+
+def _reach(study: Study, fastest: float | None) -> str:
+    """Up to which speed it learns, in three digits."""
+    if fastest is None:
+        return ""
+    unit = spoken_unit(study, ANGULAR_SPEED)
+    rounded = float(f"{units.convert(fastest, unit, ANGULAR_SPEED):.3g}")
+    return f"; it learns up to {rounded:g} {unit}"
