@@ -5,19 +5,19 @@
 #define SHORTEST CGL_R(0.25) /* shortest window [s]: twenty windows take the 5 s that are promised */
 #define LONGEST CGL_R(2.5)   /* longest window [s]: a slower rotor is judged in parts of a turn */
 #define FIRST CGL_R(1.0)     /* longest window of START [s]: a slow rotor does not wait for a whole turn. LEARN then gives its bar. */
-#define RAMP CGL_R(0.5)      /* time of the share from 0 to 1 [s]: the feedback's integral has to take over a load that was learned */
+#define RAMP CGL_R(0.5)      /* time for the share to go from 0 to 1 [s]: the feedback's integral has to take over a learned load */
 #define SOON 16U             /* The first test comes after this many windows. It ends soon after the twenty windows that are promised. */
 #define RARE 1024U           /* The last tests are this many windows apart. The three windows of a test are then 0.3 % of the time. */
 #define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple. */
 #define GUILT 4U             /* counts of evidence that convict: two tests, since one may be chance, or four pauses that helped */
-#define BLATANT CGL_R(4.0)   /* One test convicts if the ripple is so many times smaller alone, unless a burst led to the test. */
+#define BLATANT CGL_R(4.0)   /* One test convicts if the ripple is this many times smaller without what is learned, unless after a burst. */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
     {CGL_REAL_MAX, CGL_R(1.0), CGL_R(1.0)}, {CGL_R(1.01), CGL_R(1.0), CGL_R(1.0)}, {CGL_R(0.5), CGL_R(1.0), CGL_R(0.98)},
     {CGL_R(0.5), CGL_R(0.5), CGL_R(0.95)},  {CGL_R(0.5), CGL_R(0.25), CGL_R(0.9)}, {CGL_R(0.5), CGL_R(0.0625), CGL_R(0.8)},
     {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}};
 
-/* The share of what is learned that acts in each phase. */
+/* Share of what is learned that acts in each phase. */
 static const cgl_real phase_share[] = {CGL_R(1.0), CGL_R(1.0), CGL_R(1.0), CGL_R(0.75), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
 
 static cgl_real larger(cgl_real a, cgl_real b)

@@ -15,7 +15,7 @@
  *   LEARN  A test is due after 16 windows, then after 32, 64, up to 1024. A burst, or two windows above the bar, leads to a test -> HOLD
  *   HOLD   What is learned acts, but is frozen. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If the ripple falls
  *          below the bar again, learning itself was the fault: one count of evidence -> LEARN
- *   FORGET Four counts of evidence: what is learned is cleared -> MUTE. A table that nobody learns, goes to MUTE at once
+ *   FORGET Four counts of evidence: what is learned is cleared -> MUTE. A table that nobody learns goes to MUTE at once
  *   MUTE   Nothing learned acts. Measures the bar. Then learning goes on more gently -> LEARN. A table acts again after a long while */
 #ifndef COGLESS_GUARD_H
 #define COGLESS_GUARD_H
