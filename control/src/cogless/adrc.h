@@ -30,7 +30,7 @@ typedef struct {
     cgl_real f;            /* estimate of the disturbance, within +-most [rad/s^2] */
     cgl_real before;       /* last output, which the observer uses [A] */
     cgl_real proportional; /* proportional part of the last output [A] */
-    cgl_real rejected;     /* part of the last output that cancels the disturbance, -f / b [A] */
+    cgl_real rejected;     /* part of the last output that cancels the disturbance: -f / b [A] */
     cgl_loop loop;
     cgl_adrc_config config;
 } cgl_adrc;

@@ -142,7 +142,8 @@ static void end(cgl_align *align)
 
 cgl_calibration cgl_align_step(cgl_align *align, cgl_real theta_m, cgl_align_output *out)
 {
-    static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)}; /* place of the field at the end of each stage [sweeps] */
+    /* place of the field at the end of each stage [sweeps] */
+    static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)};
     const cgl_align_config *const config = &align->config;
     const cgl_real ts = align->ts;
     if (align->result == CGL_CALIBRATION_BUSY && !cgl_is_angle(theta_m)) {

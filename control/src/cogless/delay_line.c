@@ -111,7 +111,8 @@ static void follow_equation(cgl_memory *memory, cgl_real moved)
     cgl_delay_line *const line = &memory->line;
     const cgl_real slope = rise(memory, line->then);
     const cgl_real error = line->distance - moved + line->part * slope - CGL_R(1.0);
-    line->part -= (moved + memory->config.k_pp * memory->ts * error) / slope; /* the equation has 1 - this; the 1 is there already, as every sample is one older now */
+    /* the equation has 1 minus this: the 1 needs no code, because every sample is one older now */
+    line->part -= (moved + memory->config.k_pp * memory->ts * error) / slope;
     uint32_t moves = MOVES;
     for (; moves > 0U && line->part < CGL_R(0.0) && line->then != line->newest; --moves) {
         go_newer(memory);

@@ -111,7 +111,7 @@ static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
     return kp > CGL_R(0.0) ? error + missing / kp : error;
 }
 
-/* The output at a fault: no voltage. */
+/* Sets the output at a fault: zero voltage. */
 CGL_SELDOM static void safe(const cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 {
     const vector wanted = {in->i_d_ref, in->i_q_ref};

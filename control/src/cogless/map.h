@@ -80,7 +80,8 @@ typedef struct {
     uint32_t unit[CGL_MAP_CHANNELS];    /* CGL_MAP_UNIT_...; 128 to 255 are free for the application */
     cgl_real limit[CGL_MAP_CHANNELS];   /* entries stay within +-limit [unit], > 0 and within the range of float */
     const bool *learning;               /* NULL, or a flag that is true if the law's last step has learned */
-    uint32_t centred;                   /* the means of the first `centred` channels belong to an integral, so a load removes them; default 0 */
+    uint32_t centred;                   /* the means of the first `centred` channels belong to an integral: a load removes them; default
+                                           0 */
 } cgl_map;
 
 /* Each function fills in the map of a law that has been initialised. The map is valid until the next init or retune of the law. If the

@@ -142,9 +142,9 @@ void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref);
  * caller's memory. So cgl_trial_end() may run at the same time. Before a begin, u is 0. */
 void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
-/* Steps one sample of a drive: x is the mechanical angle [rad] and speed [rad/s], `states` is 2, and u is a current [A]. The angle may wrap.
- * A trial starts at the turn nearest to its reference. An angle that is not plausible is a fault. While in->off, the output and psi are
- * 0, and nothing is learned from the trial. */
+/* Steps one sample of a drive. x is the mechanical angle [rad] and speed [rad/s], `states` is 2, and u is a current [A]. The angle may
+ * wrap. A trial starts at the turn nearest to its reference. An angle that is not plausible is a fault. While in->off, the output and
+ * psi are 0, and nothing is learned from the trial. */
 void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in,
                           cgl_law_output *out);
 

@@ -26,7 +26,8 @@ extern "C" {
 typedef struct {
     uint32_t order;                       /* 0 to CGL_ZERO_PHASE_ORDER; 0: no filter; default 0 */
     cgl_real b[CGL_ZERO_PHASE_ORDER + 1]; /* numerator, finite; the first order + 1 entries are used */
-    cgl_real a[CGL_ZERO_PHASE_ORDER + 1]; /* denominator, with a[0] = 1 and all roots inside the unit circle; the first order + 1 entries are used */
+    cgl_real a[CGL_ZERO_PHASE_ORDER + 1]; /* denominator with a[0] = 1 and all roots inside the unit circle; the first order + 1 entries
+                                             are used */
     bool odd;                             /* reflection at the ends: true odd, false even; default false */
 } cgl_zero_phase_config;
 
