@@ -1,5 +1,5 @@
 /* PI speed control with an anti-cogging table, the remedy in common use. A slow calibration run in both directions records the current that
- * the motor needs at each angle. Later the current from the table is added to that of the PI.
+ * the motor needs at each angle. Later the current from the table is added to the PI's output.
  *
  * In the mean of both directions Coulomb friction cancels. The mean over the revolution, which is a constant load, is subtracted. Half
  * the difference of the directions is reported as friction. */

@@ -4,7 +4,8 @@
 #include "square_root.h"
 
 #define USUAL_SHARE CGL_R(0.95)
-#define LARGEST_DROP CGL_R(1.0e6) /* bound of a voltage drop, as a multiple of the planned voltage; no current weakens the field more */
+#define LARGEST_DROP CGL_R(1.0e6) /* bound of a voltage drop, as a multiple of the planned voltage; field weakening cannot make up for
+                                     more */
 #define NEWTON_STEPS 7
 #define SEARCH_STEPS 26      /* these steps narrow the range of i_d to 4e-6 of it */
 #define BISECTION_STEPS 20
@@ -36,7 +37,7 @@ CGL_SELDOM static cgl_real d_at_limit(cgl_real saliency)
     return CGL_R(-2.0) * saliency / (CGL_R(1.0) + cgl_square_root(CGL_R(1.0) + CGL_R(8.0) * saliency * saliency));
 }
 
-/* Returns the largest q-axis current beside d. Both are shares of the current limit. */
+/* Returns the largest q-axis current that the limit leaves beside the d-axis current d. Both are shares of the limit. */
 static cgl_real q_at_limit(cgl_real d)
 {
     return cgl_square_root(CGL_R(1.0) - d * d);
@@ -101,8 +102,9 @@ static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
     return u_d * u_d + u_q * u_q - CGL_R(1.0);
 }
 
-/* Returns the largest torque beside d within the limits of current and voltage. If no torque is possible, it returns minus the least
- * excess of the voltage. So there is only one maximum over d: the logarithm of the torque is concave, and the excess is convex. */
+/* Returns the largest torque with the d-axis current d within the limits of current and voltage. If no torque is possible, it returns
+ * minus the least excess of the voltage. So there is only one maximum over d: the logarithm of the torque is concave, and the excess is
+ * convex. */
 CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
 {
     const cgl_real q_max = q_at_limit(d);
@@ -128,11 +130,11 @@ CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
 CGL_SELDOM static cgl_real d_of_largest_torque(const plane *at, cgl_real *torque)
 {
     cgl_real low = CGL_R(-1.0), high = CGL_R(1.0);
-    if (at->saliency < CGL_R(-1.0)) { /* bounds where 1 - saliency d is not negative */
+    if (at->saliency < CGL_R(-1.0)) { /* only where 1 - saliency d is not negative */
         low = CGL_R(1.0) / at->saliency;
     } else if (at->saliency > CGL_R(1.0)) {
         high = CGL_R(1.0) / at->saliency;
-    } else { /* 1 - saliency d is not negative anywhere */
+    } else { /* no bound is needed */
     }
     cgl_real left = high - GOLDEN * (high - low), right = low + GOLDEN * (high - low);
     cgl_real at_left = largest_torque(at, left), at_right = largest_torque(at, right);
@@ -155,7 +157,7 @@ CGL_SELDOM static cgl_real d_of_largest_torque(const plane *at, cgl_real *torque
     return at_left > at_right ? left : right;
 }
 
-/* Whether the limits of current and voltage allow a torque beside d. */
+/* Whether the limits of current and voltage allow a torque with the d-axis current d. */
 static bool is_possible(const plane *at, cgl_real d, cgl_real torque)
 {
     const cgl_real q = torque / (CGL_R(1.0) - at->saliency * d);

@@ -30,7 +30,7 @@ typedef struct {
     cgl_real L_d, L_q;      /* inductances [H], >= 0 */
     cgl_real psi_f;         /* magnet flux linkage, peak per phase [V s], > 0 */
     cgl_real R_s;           /* resistance of a phase [ohm], >= 0; only field weakening uses it */
-    cgl_real voltage_share; /* share of the largest voltage that field weakening plans with, to 1; 0: default 0.95 */
+    cgl_real voltage_share; /* share of the largest voltage that field weakening uses, to 1; 0: default 0.95 */
 } cgl_current_reference_config;
 
 typedef struct {
@@ -50,8 +50,8 @@ cgl_error cgl_current_reference_init(cgl_current_reference *currents, const cgl_
                                      cgl_drive *drive);
 
 /* Turns the law's output into current references within current_limit. If current and voltage do not allow the torque, the torque is
- * reduced. The law then learns of this as of a limit of the current loop. Field weakening is left out if the speed is not finite, or if
- * the bus voltage is not finite or not positive. */
+ * reduced. The drive then counts the current loop as saturated. Field weakening is left out if the speed is not finite, or if the bus
+ * voltage is not finite or not positive. */
 void cgl_current_reference_step(const cgl_current_reference *currents, cgl_drive *drive);
 
 /* Controls the currents as cgl_drive_actuate() does. Then gives the law the equivalent of the measured currents as its i_q. */

@@ -32,7 +32,7 @@ typedef struct {
 typedef struct {
     cgl_dead_time_config config;
     cgl_real ts;       /* period of the current loop [s] */
-    cgl_real ahead;    /* time until the voltage acts, advance ts [s] */
+    cgl_real ahead;    /* time from sampling until the voltage acts, advance * ts [s] */
     cgl_real share;    /* dead time as a share of the period */
     cgl_real per_band; /* 1 / band [1/A] */
     cgl_real follow;   /* share of the way to the present reference that the delayed reference moves in a period */

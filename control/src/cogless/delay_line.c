@@ -171,7 +171,7 @@ CGL_SELDOM static void store_angle(cgl_memory *memory, uint32_t next)
     line->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), most);
 }
 
-/* ---- both ---- */
+/* ---- both kinds ---- */
 
 /* Returns the sum of 2 m + 1 samples about the place of one period ago. This place is between `then` and the sample before; the sum is
  * interpolated there. */

@@ -9,7 +9,7 @@ static uint32_t phases_of(const cgl_drive_config *config)
     return config->foc.phases == 0U ? 3U : config->foc.phases;
 }
 
-/* Returns the monitor's config. If it has no number of phases, it gets that of the current loop. */
+/* Returns the monitor's config. If monitor.phases is 0, it becomes the number of phases of the current loop. */
 CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *config)
 {
     cgl_monitor_config full = config->monitor;
@@ -169,7 +169,7 @@ CGL_SELDOM static void follow_rotor(cgl_law_input *in)
     in->learn = false;
 }
 
-/* Fills in the law's input. Clears the flags `saturated` and `off`, which have had their effect on it. */
+/* Fills in the law's input. Clears the flags `saturated` and `off`, which count from one step of the law to the next. */
 CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
 {
     const cgl_monitor *const monitor = &drive->monitor;

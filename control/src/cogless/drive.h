@@ -45,7 +45,7 @@ typedef struct {
     cgl_foc_config foc;
     cgl_monitor_config monitor; /* monitor.phases = 0 stands for foc.phases, or for none if the current loop is foreign. Any other value
                                    must equal foc.phases, unless the current loop is foreign */
-    cgl_quality_config quality; /* config of the judge of the speed error [rad/s] */
+    cgl_quality_config quality; /* config of the quality measure, whose error is the speed error [rad/s] */
 } cgl_drive_config;
 
 typedef struct {
@@ -53,8 +53,8 @@ typedef struct {
     cgl_real omega_ref; /* mechanical speed reference [rad/s] */
     cgl_real alpha_ref; /* derivative of omega_ref [rad/s^2] */
     cgl_real i_d_ref;   /* d-axis current reference [A], usually 0. sqrt(foc.current_limit^2 - i_d_ref^2) is left for the law, so give
-                           the law no higher limit. A new i_d_ref acts from the next period in which the law is due, as do all fields but
-                           omega_ref */
+                           the law no higher limit. A new i_d_ref acts from the next period in which the law is due. So do all other
+                           fields except omega_ref */
     bool learn;         /* false freezes what is learned */
     bool torque;        /* true: torque mode. i_q_ref acts, plus what is learned, which is frozen. The references of angle and speed have
                            no effect. Guard, quality and the check for a stuck angle pause */

@@ -1,11 +1,11 @@
 /* Corrects the position sensor's own error, such as that of an eccentric encoder. It learns the error while the motor turns fast, and
- * corrects it at any speed. Correct the angle before any other use, and the speed that is estimated from the angle. Then a map learns the
- * motor and not the sensor.
+ * corrects it at any speed. Correct the angle before any other use. Correct the speed too that is estimated from the angle. Then a map
+ * learns the motor and not the sensor.
  *
  * The error is a sum of a few low orders of the angle, cos and sin of each, whose amplitude does not depend on the speed. The angle ripple
  * that a torque ripple makes falls with the square of the speed, because of the inertia. Above omega_min, an observer predicts the angle
- * from the motor's current, and the sensor corrects it slowly. A difference of sensor and prediction that has one of the orders is then an
- * error of the sensor:
+ * from the motor's current, and the sensor slowly corrects the prediction. A difference of sensor and prediction that has one of the orders
+ * is then an error of the sensor:
  *
  *   e = theta - c(theta) - predicted,   a_n += 2 gain ts cos(n theta) e,   b_n += 2 gain ts sin(n theta) e
  *   c(theta) = sum of a_n cos(n theta) + b_n sin(n theta)

@@ -105,7 +105,7 @@ static bool is_shorter(vector x, vector than)
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-/* Returns the error for the integral: without the part whose voltage is missing. */
+/* Returns the error for the integral: less the part whose voltage was cut off. */
 static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 {
     return kp > CGL_R(0.0) ? error + missing / kp : error;

@@ -1,6 +1,6 @@
 #include "guard.h"
 
-#define BAR CGL_R(1.18)      /* A ripple above this multiple is too much. A window scatters less. 1.25^2 = 1.56 is promised. */
+#define BAR CGL_R(1.18)      /* A ripple above this multiple is too much. Windows scatter by less. The promise is 1.25^2 = 1.56. */
 #define LOUD CGL_R(16.0)     /* A burst has this multiple of the bar, four times the amplitude. It ends a window at once. */
 #define SHORTEST CGL_R(0.25) /* shortest window [s]: twenty windows take the 5 s that are promised */
 #define LONGEST CGL_R(2.5)   /* longest window [s]: a slower rotor is judged in parts of a turn */
@@ -9,7 +9,8 @@
 #define SOON 16U             /* The first test comes after this many windows. It ends soon after the twenty windows that are promised. */
 #define RARE 1024U           /* The last tests are this many windows apart. The three windows of a test are then 0.3 % of the time. */
 #define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple. */
-#define GUILT 4U             /* counts of evidence that convict: two tests, since one may be chance, or four pauses that helped */
+#define GUILT 4U             /* counts of evidence that convict: a test counts 2, as one may be chance; a pause of learning that helped
+                                counts 1 */
 #define BLATANT CGL_R(4.0)   /* One test convicts if the ripple is this many times smaller without what is learned, unless after a burst. */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
@@ -49,7 +50,7 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
     return cgl_is_positive(ts) ? CGL_OK : CGL_ERROR_CONFIG;
 }
 
-/* Begins a window, which is whole turns of the reference. In FORGET it passes every cell, and the cells that a Q filter waits for. */
+/* Begins a window of whole turns of the reference. In FORGET it is longer, to pass every cell and those that a Q filter waits for. */
 CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
 {
     const bool clears = cgl_guard_forgets(guard);

@@ -1,21 +1,22 @@
 /* A guard against harmful learning. It tests what is learned against the same feedback without it, and takes it away if it does harm.
  *
- * The ripple of a window is the mean square of the speed error, less its mean over a turn. s is the share of what is learned that acts. In
- * a test nothing is learned, so the error changes in proportion to s. The ripple P(s) is then a parabola that opens upwards. A test has two
- * parts:
+ * The ripple of a window is the mean square of the speed error's deviation from its mean over a turn. s is the share of what is learned
+ * that acts. In a test nothing is learned, so the error changes in proportion to s. The ripple P(s) is then a parabola that opens upwards.
+ * A test has two parts:
  *
  *   PART   s = 3/4. P(3/4) > P(1) proves that P(0) > P(1): what is learned helps, and the test ends. It adds only a sixteenth of the
  *          ripple that ALONE adds
- *   ALONE  s = 0, only if PART proved nothing. P(1) > 1.18 P(0) is evidence of harm, anything else acquits
+ *   ALONE  s = 0, if PART proved nothing or was skipped after a suspicion. P(1) > 1.18 P(0) is evidence of harm, anything else is not
  *
- * Each part also gives the bar: P(0), or its lower bound (P(s) - s P(1)) / (1 - s). Every window of learning is compared with the bar.
+ * Each part also gives the bar, the ripple with which every window of learning is compared: P(0), or its lower bound (P(s) - s P(1)) /
+ * (1 - s). A burst is a ripple of 16 times the bar. A burst, or windows above the bar, are a suspicion.
  *
  *   START  Nothing has been learned yet. Measures the bar -> LEARN. If the rotor is at its reference in the first sample, LEARN begins at
  *          once, and its first window gives the bar
- *   LEARN  A test is due after 16 windows, then after 32, 64, up to 1024. A burst, or two windows above the bar, leads to a test -> HOLD
+ *   LEARN  A test is due after 16 windows, then after 32, 64, up to 1024. A burst or two windows above the bar lead to a test -> HOLD
  *   HOLD   What is learned acts, but is frozen. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If the ripple falls
  *          below the bar again, learning itself was the fault: one count of evidence -> LEARN
- *   FORGET Four counts of evidence: what is learned is cleared -> MUTE. A table that nobody learns goes to MUTE at once
+ *   FORGET Four counts of evidence convict: what is learned is cleared -> MUTE. A table that nobody learns goes to MUTE at once
  *   MUTE   Nothing learned acts. Measures the bar. Then learning goes on more gently -> LEARN. A table acts again after a long while */
 #ifndef COGLESS_GUARD_H
 #define COGLESS_GUARD_H
@@ -58,7 +59,7 @@ typedef struct {
     uint8_t evidence;   /* counts of evidence of harm since the last test without harm; good windows clear them too */
     uint8_t bad;        /* in LEARN: successive windows above the bar; 2 lead to a test. In HOLD: 0 if there is no suspicion. In a test:
                            0 if P(1) is that of a burst, else 1 */
-    bool taught;        /* something was learned since the start or the last conviction */
+    bool taught;        /* something has been learned since the start, or since four counts of evidence last convicted */
     cgl_real ts;        /* period of the calls [s] */
     cgl_real mean;      /* mean of the error over about a turn, by a low-pass filter [rad/s] */
     cgl_real last_error; /* error of the last sample [rad/s] */

@@ -1,5 +1,5 @@
-/* PI control of speed or position, plus a learned current T, a sum of orders k base of the rotor's angle with the amplitudes c_k. There is
- * nothing to tune:
+/* PI control of speed or position, plus a learned current T. T is a sum of the orders k base of the rotor's angle, with the amplitudes c_k.
+ * There is nothing to tune:
  *
  *   i_q_ref = PI(omega_ref - omega + k_theta (theta_ref - theta)) + T
  *   T = Re sum_k c_k exp(j k base (theta + omega (ts/2 + delay)))

@@ -87,7 +87,7 @@ static inline const char *cgl_own_feedback_bad_field(const void *config, const c
 /* Whether a law can learn with these gains, which are in the same unit. With a guard, a learning gain > 0 needs a feedback gain > 0. */
 bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback);
 
-/* Sets the output of a law without a successful init: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
+/* Sets the output of a law that has had no successful init: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 void cgl_law_refuse(cgl_law_output *out);
 
 /* Sets the output of a law whose feedback does not act: 0 if the law is off, else i_q_ref plus what is learned [A], within the limit

@@ -78,7 +78,7 @@ typedef struct {
     uint32_t crc;           /* CRC of the entries so far */
     uint32_t entries_crc;   /* CRC of the entries in the header */
     uint32_t header_crc;    /* CRC of the header, in the header */
-    uint32_t wanted;        /* CRC of the new header, which must read back */
+    uint32_t wanted;        /* CRC of the new header; the header in flash must have it */
     uint32_t sequence;      /* sequence number in the header */
     bool bad_value;         /* an entry so far is not finite or beyond its limit */
     bool other_order;       /* an order so far is not that of the law */

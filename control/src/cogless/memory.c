@@ -226,7 +226,7 @@ static inline uint32_t entry_of(const cgl_memory *memory, uint32_t n)
     return memory->map.backward ? memory->config.cells - 1U - n : n;
 }
 
-/* Returns the index of the ring's old entry of the cell that was passed `age` cells ago. */
+/* Returns the index of the ring's entry for the cell that was passed `age` cells ago. */
 static inline uint32_t ring_place(const cgl_memory *memory, uint32_t age)
 {
     const uint32_t length = memory->config.q_half_width + 1U;

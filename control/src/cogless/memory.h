@@ -42,9 +42,11 @@ typedef struct {
  * new values. So a ring behind the map keeps the old entries of the cells passed last. While the rotor turns backward, cells are counted
  * from the other end. So the cell number always rises. */
 typedef struct {
-    bool backward;                 /* true: cell n is entry cells - 1 - n, and x stands for -width - x; false: cell n is entry n */
+    bool backward;                 /* true: cell n is entry cells - 1 - n, and x is -width less the place; false: cell n is entry n, and
+                                      x is the place */
     bool started;                  /* x is valid */
-    bool follows;                  /* the last step learned: the cells up to the next value get values on a line between both */
+    bool follows;                  /* the last step learned: the cells passed next get values on the line from its value to the next
+                                      value */
     bool lagging;                  /* lag_x and correction are valid */
     uint32_t angle;                /* last angle [2^-32 revolutions] */
     uint32_t turn;                 /* turn within a period of several turns */
@@ -81,7 +83,7 @@ typedef struct {
     cgl_real p_t;      /* delay: P_t [s]; 0 if it is unknown */
     cgl_real distance; /* delay: angle from the sample `then` to the newest one [periods] */
     cgl_real part;     /* share of the way from the sample `then` to the one before it */
-    cgl_real span;     /* number of samples in the sum of the mean */
+    cgl_real span;     /* number of samples in the sum for the mean */
     uint32_t then;     /* index of the sample of one period ago */
     bool tracking;     /* delay: `then` and `part` belong to P_t */
 } cgl_delay_line;
@@ -136,8 +138,8 @@ cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
 void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
 
 /* Declares that an integral beside the memory has the means of the first `centred` channels. After init, `centred` is 0. Two integrators
- * of the same mean would drift apart. So each learning period keeps at most 15/16 of such a channel's mean, and everything else of the
- * channel. A learning step removes `transfer` from the channel. Add `transfer` to the integral: then the sum of channel and integral
+ * of the same mean would drift apart. So each learning period keeps at most 15/16 of such a channel's mean. The rest of the channel is
+ * not reduced. A learning step removes `transfer` from the channel. Add `transfer` to the integral: then the sum of channel and integral
  * stays the same. */
 void cgl_memory_centre(cgl_memory *memory, uint32_t centred);
 

@@ -37,8 +37,8 @@ typedef struct {
                               0; default 0 */
     cgl_real angle_step;   /* mechanical resolution of the angle sensor [rad], >= 0; default 0 */
     cgl_real speed_window; /* time over which the speed is measured; for this time after a jump the speed is implausible [s], >= 0 */
-    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning
-                              stops at a quarter of it [rad], >= 0; default 0 */
+    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning stops at a
+                              quarter of this angle [rad], >= 0; default 0 */
     cgl_real stuck_time;   /* the angle counts as stuck only if full current has also pushed in the reference's direction for this time.
                               The time counts from a quarter of stuck_angle on. A period without full current takes one off the count
                               [s], 0 to 9e7 ts; default 0 */

@@ -13,8 +13,8 @@
                                           rest */
 #define PART_MASK 0xFFFU               /* number of samples in a part of a window, less one; all its bits are 1 */
 #define TREND_SMOOTHING CGL_R(0.25)    /* share of a new change in the trend */
-#define TREND_STEADY CGL_R(0.04)       /* largest relative change of the squared ripple that counts as none: 2 % of the ripple */
-#define TREND_MOST CGL_R(0.16)         /* bound on the change of one window, so that the trend soon forgets a large one */
+#define TREND_STEADY CGL_R(0.04)       /* largest relative change of `ripple` that counts as none: 2 % of its root */
+#define TREND_MOST CGL_R(0.16)         /* bound on the change of one window, so that the trend soon forgets a large change */
 
 CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
@@ -125,7 +125,7 @@ CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
     quality->last_peak_square = peak;
 }
 
-/* Takes the change of the ripple into the trend. */
+/* Adds the change of the ripple to the trend. */
 static void update_trend(cgl_quality *quality, cgl_real ripple)
 {
     const cgl_real largest = larger(ripple, quality->ripple);

@@ -22,7 +22,7 @@ extern "C" {
 
 typedef struct {
     cgl_real span;    /* mechanical angle of a window [rad], > 0; 0: default 2 pi */
-    cgl_real longest; /* longest time of a window [s], one period of the calls to 1e9 of them; 0: default 60 */
+    cgl_real longest; /* longest time of a window [s], 1 to 1e9 periods of the calls; 0: default 60 */
     cgl_real outlier; /* an error is an outlier if it is larger than this many times the root mean square of the last window's
                          errors [-], >= 1; 0: nothing is an outlier; default 0 */
     cgl_real floor;   /* an error below this is never an outlier [unit of the error], >= 0; default 0 */

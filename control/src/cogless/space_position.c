@@ -132,8 +132,8 @@ CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cg
     law->saturated = false;
 }
 
-/* Returns the factor by which the guard reduces the correction. The law learns from the position error too, for which the speed loop's
- * gain is no bound. So the first step of gentle learning leaves the correction as it is. */
+/* Returns the factor by which the guard reduces the correction. The law learns from the position error too. The speed loop's gain is no
+ * bound for this part. So the first step of gentle learning leaves the correction as it is. */
 static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {

@@ -27,7 +27,7 @@ enum {
     CGL_STATUS_BUSY = 8,           /* a calibration run is under way: the reference is ignored */
     CGL_STATUS_ANGLE_LOST = 16,    /* angle or speed is missing or impossible; the rotor is assumed to turn on at its last plausible
                                       speed */
-    CGL_STATUS_ANGLE_SHIFTED = 32, /* the angle has jumped; the jump is subtracted, and learning waits until it jumps back */
+    CGL_STATUS_ANGLE_SHIFTED = 32, /* the angle has jumped; the jump is subtracted, and learning waits until the angle jumps back */
     CGL_STATUS_ANGLE_STUCK = 64,   /* the angle stands still although the reference turns */
     CGL_STATUS_CURRENT = 128,      /* a current is not finite or too large, or the three do not add up to zero */
     CGL_STATUS_BUS = 256,          /* the bus voltage is not finite or not positive */

@@ -106,12 +106,12 @@ typedef struct {
     cgl_real psi;                /* psi(p - 1) */
     cgl_trial_observer observer;
     cgl_trial_guard guard;
-    cgl_real v;                  /* value in the last step */
+    cgl_real v;                  /* v in the last step */
     cgl_real theta;              /* in a drive: unwrapped mechanical angle [rad] */
     cgl_feedforward feedforward;
     uint32_t sample;             /* p of the next step; it counts slightly beyond the end */
     bool spoilt;                 /* nothing will be learned from this trial */
-    cgl_trial_terms terms;       /* value in the last step */
+    cgl_trial_terms terms;       /* terms of the last step */
 } cgl_trial;
 
 /* Number of entries in the caller's memory for v, e, the filter's working memory and the guard's best v. `order` is the order of Q. An

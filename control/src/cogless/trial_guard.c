@@ -3,7 +3,7 @@
 #define WORSE CGL_R(1.1025)       /* 1.05^2: J is too much above this times F; with u at its limit also above this times J_best */
 #define GROWN CGL_R(2.25)         /* 1.5^2: J is too much above this times J_best */
 #define CHANGED CGL_R(1.21)       /* 1.1^2: a change of J_best by more than this factor is a change of the plant */
-#define FAR CGL_R(4.0)            /* 2^2: factor between sums whose roots differ by 2 */
+#define FAR CGL_R(4.0)            /* 2^2: factor between sums whose roots differ by a factor of 2 */
 #define TRIALS_ABOVE 5U           /* number of successive trials with J too much but falling, before COMPARE */
 #define SHARE_FACTOR CGL_R(0.125) /* factor on the share for each strike */
 

@@ -8,7 +8,7 @@
 
 #define CGL_TURN_BITS CGL_R(4294967296.0) /* 2^32 */
 
-/* An angle in turns as radians in [0, 2 pi), rounded down to the precision of cgl_real. */
+/* Returns an angle in turns as radians in [0, 2 pi), rounded down to the precision of cgl_real. */
 static inline cgl_real cgl_radians(uint32_t turns)
 {
 #ifdef COGLESS_DOUBLE
@@ -18,7 +18,8 @@ static inline cgl_real cgl_radians(uint32_t turns)
 #endif
 }
 
-/* 2^32 part / parts, rounded down, where part < parts and part parts < 2^32. A 64-bit division would take 700 bytes of flash. */
+/* Returns 2^32 * part / parts, rounded down, where part < parts and part * parts < 2^32. A 64-bit division would take 700 bytes of
+ * flash. */
 static inline uint32_t cgl_share_of_turn(uint32_t part, uint32_t parts)
 {
     return part * (UINT32_MAX / parts) + part * (UINT32_MAX % parts + 1U) / parts;
