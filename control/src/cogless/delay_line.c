@@ -32,7 +32,7 @@ static uint32_t samples_to(const cgl_memory *memory, uint32_t from, uint32_t to)
     return to >= from ? to - from : to + memory->row - from;
 }
 
-/* Returns a distance in a period of length 1 as the shorter way round. */
+/* Returns a distance [periods] as the shorter way round, in (-1/2, 1/2]. */
 CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
 {
     return distance > CGL_R(0.5) ? distance - CGL_R(1.0)

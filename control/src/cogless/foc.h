@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-#define CGL_CURRENT_MAX CGL_R(1.0e5) /* largest current limit [A]: a value beyond it is a slip of units */
+#define CGL_CURRENT_MAX CGL_R(1.0e5) /* largest current limit [A]: a larger value is probably in a wrong unit */
 
 typedef struct {
     cgl_real kp_d, ki_d;    /* d-axis gains [V/A], [V/A/s], >= 0 */

@@ -9,8 +9,7 @@
 #define SOON 16U             /* The first test comes after this many windows. It ends soon after the twenty windows that are promised. */
 #define RARE 1024U           /* The last tests are this many windows apart. The three windows of a test are then 0.3 % of the time. */
 #define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple. */
-#define GUILT 4U             /* counts of evidence that convict: a test counts 2, as one may be chance; a pause of learning that helped
-                                counts 1 */
+#define GUILT 4U             /* counts of evidence that convict: a test counts 2, as one may be chance; a pause that helped counts 1 */
 #define BLATANT CGL_R(4.0)   /* One test convicts if the ripple is this many times smaller without what is learned, unless after a burst. */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
@@ -88,7 +87,7 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real spe
     }
     const bool excused = guard->limited > guard->length / 8U;
     const bool elsewhere = !cgl_is_within(speed - cgl_abs(guard->speed), CGL_R(0.25) * speed);
-    const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* The bar was measured while a table acted, so it is measured anew soon. */
+    const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* A table that nobody learns acted while the bar was measured: test soon. */
     const uint32_t patience = elsewhere && guard->patience > soon ? soon : guard->patience;
     const bool gains = v < CGL_R(0.25) * guard->alone && !(v > BAR * guard->acting);
     guard->age += excused ? patience / 2U : (gains ? 1U : WEIGHT);

@@ -114,8 +114,8 @@ cgl_real cgl_gentle_forgetting(uint32_t k);
 cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts);
 void cgl_guard_reset(cgl_guard *guard);
 
-/* Takes one sample. Decides the share, the step, and the results of cgl_guard_may_learn() and cgl_guard_forgets(). The share stays
- * within 0 and 1 for any input. */
+/* Takes one sample. Decides guard->share and guard->gentle, and the results of cgl_guard_may_learn() and cgl_guard_forgets(). The share
+ * stays within 0 and 1 for any input. */
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in);
 
 /* Whether learning is allowed: no test is under way, and all of what is learned acts. */

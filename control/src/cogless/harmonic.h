@@ -61,8 +61,8 @@ typedef struct {
     uint32_t orders;    /* number of learned orders, 1 to CGL_HARMONIC_ORDERS; base * orders is at most CGL_HARMONIC_ORDER_MAX */
     uint32_t fast;      /* the motor is known to have the lowest `fast` orders: they act up to CGL_HARMONIC_FASTEST. The others act only
                            while they are slow; 0 to `orders` */
-    cgl_real rate;      /* rate at which learning begins; the rates of all acting orders add up to at most 1/16 per step; 0: nothing
-                           is learned [1/s], >= 0 */
+    cgl_real rate;      /* rate of learning at its begin; the rates of all acting orders add up to at most 1/16 per step; 0: nothing is
+                           learned [1/s], >= 0 */
     cgl_real rate_min;  /* lowest rate of learning, to which `rate` falls in time [1/s], >= 0 */
     cgl_real limit;     /* each amplitude and the sum stay within +-limit [A], > 0, at most loop.current_limit */
     cgl_real held[CGL_HARMONIC_EDGES]; /* pairs of lower and upper bound of an order's angle in a step, rising. An order between both

@@ -163,8 +163,8 @@ void cgl_memory_reset(cgl_memory *memory);
 bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
                      cgl_real *value);
 
-/* Returns the highest speed of theta at which the memory learns [rad/s]. Up to this speed a sample takes at most a quarter of the
- * period, the lead too, and the Q filter of a delay line fits into the period. */
+/* Returns the highest speed of theta at which the memory learns [rad/s]. At this speed a sample and the lead each take at most a quarter
+ * of the period. The Q filter of a delay line fits into the period. */
 cgl_real cgl_memory_fastest(const cgl_memory *memory);
 
 #ifdef __cplusplus

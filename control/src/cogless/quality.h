@@ -28,8 +28,8 @@ typedef struct {
     cgl_real floor;   /* an error below this is never an outlier [unit of the error], >= 0; default 0 */
 } cgl_quality_config;
 
-/* A window is summed in parts. The sum of a part is short, so it stays exact. At the part's end it is added to the sum of the parts
- * before. [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with shorter
+/* A window is summed in parts. A part has few samples, so its sum stays exact. At the end of the part, its sum is added to the sum of
+ * the parts before. [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with shorter
  * instructions. */
 typedef struct {
     bool run_positive;            /* sign of the errors in the present run */

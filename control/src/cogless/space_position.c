@@ -36,7 +36,7 @@ CGL_SELDOM const char *cgl_space_position_bad_field(const cgl_space_position_con
 
 /* Returns the number of channels whose mean belongs to the integral. If the integral acts beside what is learned, these are alpha and
  * beta: at a constant speed their means act like the integral. The mean of h stays in the memory. h is learned while the speed changes,
- * and accelerates the inertia. */
+ * and gives the current that accelerates the inertia. */
 static uint32_t centred(const cgl_space_position_config *config)
 {
     return config->k_i > CGL_R(0.0) && !config->hand_over ? 2U : 0U;

@@ -52,7 +52,8 @@ void cgl_edges_pass(cgl_edges *edges, uint32_t count, uint32_t time);
 /* Copies the config. */
 cgl_error cgl_speed_timed_init(cgl_speed_timed *speed, const cgl_speed_timed_config *config);
 
-/* Starts at this speed [rad/s], usually 0, with the last edges of the sensor and the timer now [ticks]. */
+/* Starts at this speed [rad/s], usually 0. `edges` are the last edges of the sensor, and `now` is the present value of the timer
+ * [ticks]. */
 void cgl_speed_timed_reset(cgl_speed_timed *speed, const cgl_edges *edges, uint32_t now, cgl_real omega_m);
 
 /* Returns the mechanical speed [rad/s]. `now` is the timer at this instant [ticks]. */
