@@ -1,4 +1,4 @@
-/* Everything: for build systems that find a library by one header. */
+/* Includes all headers of the library, for build systems that find a library by one header. */
 #ifndef COGLESS_H
 #define COGLESS_H
 

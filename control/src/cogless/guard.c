@@ -1,23 +1,23 @@
 #include "guard.h"
 
-#define BAR CGL_R(1.18)      /* A variance at this ratio is too much: a window scatters less, and 1.25^2 = 1.56 is promised. */
-#define LOUD CGL_R(16.0)     /* A burst has so many times the squares of the bar, four times the ripple, and ends a window at once. */
-#define SHORTEST CGL_R(0.25) /* of a window [s]: twenty windows take the 5 s that are promised */
-#define LONGEST CGL_R(2.5)   /* of a window [s]: a rotor so slow is judged in parts of a turn */
-#define FIRST CGL_R(1.0)     /* of a window of START [s]: a slow rotor does not wait for whole turns, and has its bar from LEARN */
-#define RAMP CGL_R(0.5)      /* of the share from 0 to 1 [s]: the feedback's integral has to take over a load that was learned */
-#define SOON 16U             /* The first test comes after so many windows, so that its own few come soon after the twenty promised. */
-#define RARE 1024U           /* The last tests are so many windows apart: the three windows of a test are then 0.3 % of the time. */
-#define WEIGHT 8U            /* The bar ages eight times slower while learning halves the ripple. */
-#define GUILT 4U             /* counts of evidence that convict: two tests, since one may be chance, or four pauses that helped */
-#define BLATANT CGL_R(4.0)   /* One test convicts if without what is learned the ripple is less than half, and no burst led to it. */
+#define BAR CGL_R(1.18)      /* A ripple above this multiple is too much. Windows scatter by less. The promise is 1.25^2 = 1.56. */
+#define LOUD CGL_R(16.0)     /* A burst has this multiple of the bar, four times the amplitude. It ends a window at once. */
+#define SHORTEST CGL_R(0.25) /* shortest window [s]: twenty windows take the 5 s that are promised */
+#define LONGEST CGL_R(2.5)   /* longest window [s]: a slower rotor is judged in parts of a turn */
+#define FIRST CGL_R(1.0)     /* longest window of START [s]: a slow rotor does not wait for a whole turn. LEARN then gives its bar. */
+#define RAMP CGL_R(0.5)      /* time for the share to go from 0 to 1 [s]: the feedback's integral has to take over a learned load */
+#define SOON 16U             /* The first test comes after this many windows. It ends soon after the twenty windows that are promised. */
+#define RARE 1024U           /* The last tests are this many windows apart. The three windows of a test are then 0.3 % of the time. */
+#define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple. */
+#define GUILT 4U             /* counts of evidence that convict: a test counts 2, as one may be chance; a pause that helped counts 1 */
+#define BLATANT CGL_R(4.0)   /* One test convicts if the ripple is this many times smaller without what is learned, unless after a burst. */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
     {CGL_REAL_MAX, CGL_R(1.0), CGL_R(1.0)}, {CGL_R(1.01), CGL_R(1.0), CGL_R(1.0)}, {CGL_R(0.5), CGL_R(1.0), CGL_R(0.98)},
     {CGL_R(0.5), CGL_R(0.5), CGL_R(0.95)},  {CGL_R(0.5), CGL_R(0.25), CGL_R(0.9)}, {CGL_R(0.5), CGL_R(0.0625), CGL_R(0.8)},
     {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}};
 
-/* The share of what is learned that acts in each phase. */
+/* Share of what is learned that acts in each phase. */
 static const cgl_real phase_share[] = {CGL_R(1.0), CGL_R(1.0), CGL_R(1.0), CGL_R(0.75), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
 
 static cgl_real larger(cgl_real a, cgl_real b)
@@ -25,7 +25,7 @@ static cgl_real larger(cgl_real a, cgl_real b)
     return a > b ? a : b;
 }
 
-/* What swings by a new share has to die out, so the window before the next one counts as infinitely loud. */
+/* Goes to a phase. The error swings after a new share: an infinite last ripple makes the next window count as not calm. */
 CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase, uint8_t bad)
 {
     guard->phase = (uint8_t)phase;
@@ -49,13 +49,13 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
     return cgl_is_positive(ts) ? CGL_OK : CGL_ERROR_CONFIG;
 }
 
-/* A window is whole turns of the reference. The one in which the map is cleared passes every cell, and those that a Q filter waits for. */
+/* Begins a window of whole turns of the reference. In FORGET it is longer, to pass every cell and those that a Q filter waits for. */
 CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
 {
     const bool clears = cgl_guard_forgets(guard);
     const cgl_real longest = clears ? CGL_R(40.0) * LONGEST : (guard->phase == (uint8_t)CGL_GUARD_START ? FIRST : LONGEST);
     const cgl_real turn = CGL_TWO_PI / larger(cgl_abs(omega_ref), CGL_TWO_PI / longest);
-    const cgl_real more = SHORTEST / turn; /* turns; a rotor may be too fast for them to count anything */
+    const cgl_real more = SHORTEST / turn; /* turns in the shortest window; the count is limited for a very fast rotor */
     const cgl_real turns = clears ? CGL_R(1.6) : (more < CGL_R(1.0e6) ? (cgl_real)(1U + (uint32_t)more) : CGL_R(1.0e6));
     const cgl_real samples = turns * turn / guard->ts;
     guard->length = samples < CGL_R(1.0e9) ? 1U + (uint32_t)samples : 1000000000U;
@@ -63,8 +63,8 @@ CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
     guard->squares = guard->fast = CGL_R(0.0);
 }
 
-/* What is learned is cleared and learned more gently, by two steps if the last conviction was not long ago. A table that nobody learns
- * on stays as it is, but does not act for a while. */
+/* Clears what is learned. Learns more gently, by two steps if the last conviction was not long ago, else by one. A table that nobody
+ * learns stays as it is, but does not act for a while. */
 CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
 {
     const bool learns = learn && guard->taught;
@@ -77,8 +77,8 @@ CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
     go_to(guard, learns ? CGL_GUARD_FORGET : CGL_GUARD_MUTE, 0U);
 }
 
-/* A burst leads to a test, or two windows above the bar, or time. Time counts less where learning halves the ripple and has not become
- * worse since the last test. The current loop may fall short without a fault of what is learned, so then only time counts. */
+/* Leads to a test after a burst, two windows above the bar, or enough time. Time counts less while learning halves the ripple and has
+ * not become worse since the last test. While the current loop falls short, only time counts, as learning need not be the cause. */
 CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real speed, bool loud)
 {
     if (guard->good >= guard->retry && guard->gentle > 1U) {
@@ -87,7 +87,7 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real spe
     }
     const bool excused = guard->limited > guard->length / 8U;
     const bool elsewhere = !cgl_is_within(speed - cgl_abs(guard->speed), CGL_R(0.25) * speed);
-    const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* The bar was measured with a table acting, and has to be measured anew. */
+    const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* A table that nobody learns acted while the bar was measured: test soon. */
     const uint32_t patience = elsewhere && guard->patience > soon ? soon : guard->patience;
     const bool gains = v < CGL_R(0.25) * guard->alone && !(v > BAR * guard->acting);
     guard->age += excused ? patience / 2U : (gains ? 1U : WEIGHT);
@@ -98,8 +98,8 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real spe
     }
 }
 
-/* Learning stands still. A ripple that ends by that was made by learning itself. A ripple that stays may be that of what is learned,
- * and what is learned is taken away at once to see. Without a suspicion the cheap test comes first. */
+/* Judges a window without learning. If the ripple ends, learning itself made it. If it stays, what is learned may make it, and is taken
+ * away at once to see. Without a suspicion the cheap test PART comes first. */
 CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool loud, bool calm)
 {
     if (guard->bad > 0U && !loud && !(v > BAR * guard->alone)) {
@@ -118,8 +118,8 @@ CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real v, const cgl_gua
     }
 }
 
-/* The bar rises only by a window that has settled, for a new share swings. It stays as it is where the reference moved meanwhile, the
- * rotor stalled or the current loop fell short, and evidence counts half then. */
+/* Judges a window of a test. Only a settled window may raise the bar, because the error swings after a change of the share. If the
+ * reference has moved, the rotor stalls or the current loop fell short, the bar stays as it is, and evidence counts half. */
 CGL_SELDOM static void judge_test(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool calm, bool stalls)
 {
     const bool part = guard->phase == (uint8_t)CGL_GUARD_PART, helps = v > BAR * guard->acting, harms = guard->acting > BAR * v;
@@ -148,8 +148,7 @@ CGL_SELDOM static void judge_test(cgl_guard *guard, cgl_real v, const cgl_guard_
     }
 }
 
-/* Nothing learned acts, or nothing is learned yet: two windows that agree give the bar. One in which a table acted is soon put
- * to the test. */
+/* Measures the bar while nothing learned acts. Two windows that agree give the bar. If a table acted in them, its test comes soon. */
 CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool calm)
 {
     const bool part = guard->phase == (uint8_t)CGL_GUARD_START && cgl_abs(in->omega_ref) * FIRST < CGL_TWO_PI;
@@ -164,9 +163,9 @@ CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_gu
     go_to(guard, CGL_GUARD_LEARN, 0U);
 }
 
-/* The fast part of the ripple counts as far as it exceeds what the feedback alone has, which is mostly counts of the encoder. Where the
- * rotor does not turn with its reference, the mean error counts too. A law that learned at once has its bar by one window, in which it
- * had learned little. Where nothing is learned yet, the first windows may lower the bar, as a start swings. */
+/* The fast ripple counts only beyond that of the feedback alone, which is mostly encoder counts. The mean error counts too if the rotor
+ * does not turn with its reference. A law that learned from the start takes its bar from one window, in which it had learned little.
+ * While nothing is learned, the first windows may lower the bar, as a start swings. */
 CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, bool loud)
 {
     const cgl_real speed = cgl_abs(in->omega_ref), n = (cgl_real)guard->count, fast = guard->fast / n;
@@ -205,8 +204,8 @@ CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, b
     guard->length = 0U;
 }
 
-/* Between two windows the share goes to that of the phase. A rotor that is at its reference in the very first sample does not run up,
- * and the law may learn at once. */
+/* Moves the share to that of the phase between two windows. A rotor at its reference in the very first sample has no run-up, so the law
+ * may learn at once. */
 CGL_SELDOM static void fade_share(cgl_guard *guard, const cgl_guard_input *in)
 {
     const bool first = guard->phase == (uint8_t)CGL_GUARD_START && !(guard->ripple < CGL_REAL_MAX);

@@ -1,20 +1,23 @@
-/* A guard that acts: what is learned is tested against the same feedback without it, and taken away where it does harm.
+/* A guard against harmful learning. It tests what is learned against the same feedback without it, and takes it away if it does harm.
  *
- * The ripple of a window is the mean square of the speed error about its mean over a turn. In a test nothing is learned, so a share s
- * of what is learned changes the error in proportion, and the ripple P(s) is a parabola that opens upwards. Hence a test has two parts:
+ * The ripple of a window is the mean square of the speed error's deviation from its mean over a turn. s is the share of what is learned
+ * that acts. In a test nothing is learned, so the error changes in proportion to s. The ripple P(s) is then a parabola that opens upwards.
+ * A test has two parts:
  *
- *   PART   s = 3/4. P(3/4) > P(1) proves that P(0) > P(1): what is learned helps, and the test ends, at a sixteenth of its price
- *   ALONE  s = 0, if PART proved nothing. P(1) > 1.18 P(0) is evidence of harm, anything else acquits
+ *   PART   s = 3/4. P(3/4) > P(1) proves that P(0) > P(1): what is learned helps, and the test ends. It adds only a sixteenth of the
+ *          ripple that ALONE adds
+ *   ALONE  s = 0, if PART proved nothing or was skipped after a suspicion. P(1) > 1.18 P(0) is evidence of harm, anything else is not
  *
- * Both give the bar, with which each window of learning is compared: P(0), or its bound (P(s) - s P(1)) / (1 - s).
+ * Each part also gives the bar, the ripple with which every window of learning is compared: P(0), or its lower bound (P(s) - s P(1)) /
+ * (1 - s). A burst is a ripple of 16 times the bar. A burst, or windows above the bar, are a suspicion.
  *
- *   START  nothing has been learned yet: measures the bar -> LEARN. A rotor that begins at its reference learns at once, and the first
- *          window of LEARN is the bar
- *   LEARN  a test is due after 16 windows, then after 32, 64, up to 1024, or after a burst or two windows above the bar -> HOLD
- *   HOLD   what is learned is frozen and acts. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If it is below the
- *          bar again, learning itself was the fault, which is one count of evidence -> LEARN
- *   FORGET four counts of evidence: what is learned is cleared -> MUTE. What nobody learns on, a table, goes to MUTE at once
- *   MUTE   nothing learned acts: measures the bar. Then it is learned more gently; a table acts again after a long while -> LEARN */
+ *   START  Nothing has been learned yet. Measures the bar -> LEARN. If the rotor is at its reference in the first sample, LEARN begins at
+ *          once, and its first window gives the bar
+ *   LEARN  A test is due after 16 windows, then after 32, 64, up to 1024. A burst or two windows above the bar lead to a test -> HOLD
+ *   HOLD   What is learned acts, but is frozen. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If the ripple falls
+ *          below the bar again, learning itself was the fault: one count of evidence -> LEARN
+ *   FORGET Four counts of evidence convict: what is learned is cleared -> MUTE. A table that nobody learns goes to MUTE at once
+ *   MUTE   Nothing learned acts. Measures the bar. Then learning goes on more gently -> LEARN. A table acts again after a long while */
 #ifndef COGLESS_GUARD_H
 #define COGLESS_GUARD_H
 
@@ -27,7 +30,8 @@
 extern "C" {
 #endif
 
-#define CGL_GUARD_STEPS 6U /* each learns more gently than the one before, and at the last nothing is learned */
+#define CGL_GUARD_STEPS 6U /* number of steps of gentle learning: each learns more gently than the one before, and the last learns
+                              nothing */
 
 typedef enum {
     CGL_GUARD_START,
@@ -40,44 +44,46 @@ typedef enum {
 } cgl_guard_phase;
 
 typedef struct {
-    cgl_real error;     /* of the speed [rad/s] */
+    cgl_real error;     /* error of the speed [rad/s] */
     cgl_real omega_ref; /* reference of the speed [rad/s] */
     bool plausible;     /* false: the guard ignores this sample */
     bool saturated;     /* the current loop falls short of its reference, as on a weak bus */
     bool learn;         /* the caller wants learning */
-    bool learned;       /* the law did learn in its last step */
+    bool learned;       /* the law has learned in its last step */
 } cgl_guard_input;
 
 typedef struct {
-    cgl_real share;     /* of what is learned that acts, 0 to 1 */
-    uint32_t gentle;    /* step of gentle learning, cgl_gentle_steps[gentle] */
+    cgl_real share;     /* share of what is learned that acts, 0 to 1 */
+    uint32_t gentle;    /* step of gentle learning, an index of cgl_gentle_steps */
     uint8_t phase;      /* cgl_guard_phase */
-    uint8_t evidence;   /* counts of harm since the last test without harm; good windows clear them too */
-    uint8_t bad;        /* windows above the bar, in a row; 2 lead to a test. In a test: 1 if P(1) was no burst, else 0 */
-    bool taught;        /* something was learned since the start or the last conviction */
+    uint8_t evidence;   /* counts of evidence of harm since the last test without harm; good windows clear them too */
+    uint8_t bad;        /* in LEARN: successive windows above the bar; 2 lead to a test. In HOLD: 0 if there is no suspicion. In a test:
+                           0 if P(1) is that of a burst, else 1 */
+    bool taught;        /* something has been learned since the start, or since four counts of evidence last convicted */
     cgl_real ts;        /* period of the calls [s] */
-    cgl_real mean;      /* of the error over about a turn, by a low-pass filter [rad/s] */
-    cgl_real last_error; /* of the last sample [rad/s] */
-    cgl_real squares;   /* sum in this window, of the mean of two samples less the mean over a turn [rad^2/s^2] */
-    cgl_real fast;      /* sum in this window of the squares of half the difference of two samples [rad^2/s^2] */
+    cgl_real mean;      /* mean of the error over about a turn, by a low-pass filter [rad/s] */
+    cgl_real last_error; /* error of the last sample [rad/s] */
+    cgl_real squares;   /* sum over this window of squares: the mean of two successive errors, less `mean` [rad^2/s^2] */
+    cgl_real fast;      /* sum over this window of squares: half the difference of two successive errors [rad^2/s^2] */
     uint32_t count;     /* samples in this window */
-    uint32_t length;    /* samples of a whole window; 0: the next one has not begun */
-    uint32_t limited;   /* samples in a row in which the current loop fell short; it stays above an eighth of the window */
-    cgl_real ripple;    /* of the last window [rad^2/s^2] */
+    uint32_t length;    /* length of a whole window [samples]; 0: the next window has not begun */
+    uint32_t limited;   /* successive samples in which the current loop fell short. Above an eighth of the window the count stays until
+                           the window ends */
+    cgl_real ripple;    /* ripple of the last window [rad^2/s^2] */
     cgl_real acting;    /* P(1) of the last HOLD [rad^2/s^2] */
     cgl_real alone;     /* the bar: P(0), or the lower bound of P(0) that PART gives; 0: unknown [rad^2/s^2] */
-    cgl_real noise;     /* mean of the fast squares when nothing learned acted last [rad^2/s^2] */
-    cgl_real speed;     /* reference when P(1) was measured [rad/s] */
-    uint32_t age;       /* of the last test: windows since then; those in which learning gains little count eight times */
-    uint32_t patience;  /* a test is due after so many windows in which learning gains little */
-    uint32_t good;      /* windows since the step changed */
-    uint32_t retry;     /* at so many the step is taken back */
+    cgl_real noise;     /* mean of the squares in `fast` when last nothing learned acted [rad^2/s^2] */
+    cgl_real speed;     /* reference of the speed when P(1) was measured [rad/s] */
+    uint32_t age;       /* age of the last test: a window adds 8, but only 1 if learning gains much [1/8 windows] */
+    uint32_t patience;  /* a test is due after this many windows in which learning gains little */
+    uint32_t good;      /* windows since `gentle` changed */
+    uint32_t retry;     /* when `good` reaches this, `gentle` goes one step back */
 } cgl_guard;
 
-/* How gently a law learns at step k. */
+/* How gently a law learns at step k of cgl_gentle_steps. */
 typedef struct {
-    cgl_real most;       /* the learning gain is at most so much of the feedback's own [-], */
-    cgl_real gain;       /* and then times this [-] */
+    cgl_real most;       /* bound of the learning gain, as a multiple of the feedback's own gain [-] */
+    cgl_real gain;       /* factor on the gain within that bound [-] */
     cgl_real forgetting; /* factor on what is recalled [-] */
 } cgl_gentle;
 
@@ -98,7 +104,8 @@ static inline cgl_real cgl_gentle_forgetting(uint32_t k)
     return CGL_R(1.0);
 }
 #else
-/* Factor, 0 to 1, on a law's correction at step k. gain: of learning in a period, and of the feedback, in one unit; >= 0. */
+/* Returns the factor, 0 to 1, on a law's correction at step k. `gain` is the learning gain per period, `feedback` the feedback's gain.
+ * Both are >= 0 and in the same unit. */
 cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback);
 cgl_real cgl_gentle_forgetting(uint32_t k);
 #endif
@@ -107,22 +114,23 @@ cgl_real cgl_gentle_forgetting(uint32_t k);
 cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts);
 void cgl_guard_reset(cgl_guard *guard);
 
-/* One sample; decides the share, the step, and what the next two tell. Whatever comes in, the share stays within 0 and 1. */
+/* Takes one sample. Decides guard->share and guard->gentle, and the results of cgl_guard_may_learn() and cgl_guard_forgets(). The share
+ * stays within 0 and 1 for any input. */
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in);
 
-/* Learning is allowed: nothing is tested, and all of what is learned acts. */
+/* Whether learning is allowed: no test is under way, and all of what is learned acts. */
 static inline bool cgl_guard_may_learn(const cgl_guard *guard)
 {
     return guard->phase == (uint8_t)CGL_GUARD_LEARN && guard->share >= CGL_R(1.0);
 }
 
-/* What is learned is to be cleared. */
+/* Whether the law has to clear what is learned. */
 static inline bool cgl_guard_forgets(const cgl_guard *guard)
 {
     return guard->phase == (uint8_t)CGL_GUARD_FORGET;
 }
 
-/* The guard holds learning back. */
+/* Whether the guard holds learning back. */
 static inline bool cgl_guard_acts(const cgl_guard *guard)
 {
     return guard->phase > (uint8_t)CGL_GUARD_LEARN || guard->gentle > 1U;

@@ -4,8 +4,8 @@
 
 #define LEAST CGL_R(1.0e-30)
 #define LARGEST CGL_R(1.0e38)
-#define NEWTON_STEPS 4U      /* they start within 4 % of the root; each leaves half the square of the relative error */
-#define POWERS_OF_4_MOST 64U /* between LARGEST and 1 */
+#define NEWTON_STEPS 4U      /* Newton's iteration starts within 4 % of the root; each step leaves half the square of the relative error */
+#define POWERS_OF_4_MOST 64U /* powers of 4 between LARGEST and 1 */
 
 CGL_SELDOM cgl_real cgl_root_of_1_to_4(cgl_real x)
 {
@@ -30,6 +30,6 @@ CGL_SELDOM cgl_real cgl_square_root(cgl_real x)
         rest *= CGL_R(4.0);
         scale *= CGL_R(0.5);
     }
-    /* The loops leave no more than 4, which the proof needs to read here. */
+    /* The loops leave at most 4. The proof needs to read that bound here. */
     return scale * cgl_root_of_1_to_4(rest < CGL_R(4.0) ? rest : CGL_R(4.0));
 }

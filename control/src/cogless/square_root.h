@@ -8,10 +8,10 @@
 extern "C" {
 #endif
 
-/* Of x in [1, 4], in the same time for every x. */
+/* Returns the square root of x in [1, 4], in the same time for every x. */
 cgl_real cgl_root_of_1_to_4(cgl_real x);
 
-/* Of x in [1e-30, 1e38], and 0 for every other x. */
+/* Returns the square root of x in [1e-30, 1e38], and 0 for every other x. */
 cgl_real cgl_square_root(cgl_real x);
 
 #ifdef __cplusplus
