@@ -77,7 +77,7 @@ def _table(console: Console, whole: Table, columns: Sequence[Column], begins: bo
 
 
 def _least(console: Console, column: Column) -> int:
-    """With the gap: the longest word, or the longest cell where cells are to stay on one line."""
+    """A column's least width with gap: its longest word, or its longest cell if cells stay on one line."""
     cells = [_width(console, cell, words=not column.no_wrap) for cell in column.cells]
     longest = max(_width(console, part, words=False) for part in (column.header, *column.cells))
     words = _width(console, column.header, words=True)
@@ -85,7 +85,7 @@ def _least(console: Console, column: Column) -> int:
 
 
 def _most(console: Console, column: Column) -> int:
-    """With the gap: the longest line, unless the table wants the column narrower."""
+    """A column's largest width, gap included: its longest line, or less if the table limits the column."""
     widest = max(_width(console, part, words=False) for part in (column.header, *column.cells))
     return GAP_COLUMNS + max(_least(console, column) - GAP_COLUMNS, min(widest, column.max_width or widest))
 

@@ -225,8 +225,8 @@ def diagnose(
 ) -> None:
     """Say where the ripple in a drive's logs comes from.
 
-    Shares of each order to cogging, K_t ripple, dead time, currents' offset and gain, the encoder and
-    mechanics, at each log's speed and load, with how sure that is.
+    For each order: the shares of cogging, K_t ripple, dead time, the currents' offset and gain, the encoder
+    and mechanics at each log's speed and load, and how sure they are.
     """
     from cogless.identify import diagnosis
 

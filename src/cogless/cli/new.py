@@ -295,7 +295,7 @@ def _ask_of_class(motor: str, numbers: dict[str, Any]) -> None:
 
 
 def _constant(text: str) -> tuple[str, Any]:
-    """The flag and the value of an answer that is a speed per volt or a torque constant, by its unit."""
+    """An answer's flag and value. Its unit says whether it is a torque constant, a back-EMF or a Kv."""
     from cogless.starter.request import RequestError, parse_number
 
     for flag in ("torque-constant", "back-emf"):

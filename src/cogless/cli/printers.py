@@ -1,4 +1,4 @@
-"""A printer's axis: the plan of its runs, its correction and that in a firmware's words, and `stripe`."""
+"""Commands for a printer's axis: plan its runs, find and export its correction, explain stripes."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ from cogless.study.laws.law import Base, Start
 def starting_map(study: Study, controller: str, law: Base, drive: Any) -> learned_map.Real:
     """The entries of a law's map at the start of a run, (channels, cells).
 
-    `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
-    that a user's law takes.
+    `drive`: the engine's, with this law. StudyError: the file is no map, the map does not fit the law, or a
+    user's law refuses it.
     """
     start = law.begins_with
     assert start is not None

@@ -19,9 +19,8 @@ THREAD_NAME = "cogless-run"
 def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> list[Future[T]]:
     """Run tasks in threads, `jobs` at a time, and return their futures in order.
 
-    Ctrl-C sets `stop`; then some futures aren't done. The threads are daemons rather than an executor's,
-    since Python waits for an executor's threads at exit. A task that sleeps or never returns would keep the
-    command from ending.
+    Ctrl-C sets `stop`; some futures then stay open. The threads are daemons. Python would wait at exit for
+    the threads of an executor, so a task that sleeps or never returns would keep the command from ending.
     """
     futures: list[Future[T]] = [Future() for _ in tasks]
     waiting = deque(zip(tasks, futures, strict=True))

@@ -171,8 +171,10 @@ def _rollout(
     keep_traces: bool,
     room: TraceRoom | None = None,
 ) -> list[AnyResults]:
-    """Run these runs of studies with their designs. `refused`: those that can't be prepared, by the study's
-    place, and why."""
+    """Make these runs of studies with their designs.
+
+    `refused`: why a run can't be prepared, by the place of its study and the run's names.
+    """
     stop = Event()
     all_runs = [
         [_Pending(study, designs, *pair, outcome=refused.get((number, pair))) for pair in pairs]
