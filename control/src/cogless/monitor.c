@@ -258,7 +258,7 @@ CGL_SELDOM static bool has_attempt_failed(cgl_monitor *monitor, cgl_real ref_tur
         }
         if (ref_turned_square > limits->stuck_square && monitor->full_current > 0U && monitor->full_current >= limits->stuck) {
             const uint32_t most = UINT32_MAX / ATTEMPT_SPACING; /* largest value that standstill / ATTEMPT_SPACING can reach */
-            monitor->stuck_after = monitor->standstill / ATTEMPT_SPACING < most ? monitor->standstill : most;
+            monitor->stuck_after = monitor->standstill < most ? monitor->standstill : most;
             monitor->full_current = 0U;
         }
     }

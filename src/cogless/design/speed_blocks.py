@@ -35,9 +35,9 @@ def speed_blocks(study: Study) -> Blocks:
     return Blocks(study.title, [*controllers, *loops], notes_below(study, designs))
 
 
-
 def _margins(study: Study, name: str, design: Design) -> str:
     return "none: it has no feedback" if study.controller[name].open_loop else margin_words(design.margins)
+
 
 def _answer_row(study: Study, name: str, design: Design) -> Iterator[tuple[str, str]]:
     answer_here = answer(study, name, design)
