@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cogless.errors import StudyError
-from cogless.study import load
+from cogless.files import shipped
+from cogless.printer.corrections import Coefficient, Correction
+from cogless.run.drive_config import control_layout, engine_config
+from cogless.study import changed, load
+
+SIGNS = {"forward": 1, "backward": -1}
 
 PATH = "controller.table"
 TABLE = f"{PATH}.correction.forward"
@@ -40,6 +46,48 @@ TABLE = f"{PATH}.correction.forward"
 def test_a_mistake_is_one_line(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(StudyError) as error:
         load("printer", changes)
+    assert message in str(error.value) and len(str(error.value).splitlines()) == 1
+
+
+def printer_with_file(folder: Path, text: str | None, **more: Any) -> Any:
+    """The study's correction out of a file beside it."""
+    study = folder / "mine.toml"
+    study.write_text(shipped("studies")["printer"].read_text("utf-8"), encoding="utf-8")
+    if text is not None:
+        (folder / "found.json").write_text(text, encoding="utf-8")
+    return load(study, {f"{PATH}.correction": {"file": "found.json", **more}})
+
+
+def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
+    waves: Any = {direction: {4: Coefficient(0.02j * sign, 1e-3)} for direction, sign in SIGNS.items()}
+    found = Correction(motor="x", current=0.8, wavelength=8e-4, torque=None, directions=waves)
+    study = printer_with_file(tmp_path, found.to_json())
+    assert (wave := study.controller["table"].correction.forward[0]).order == 4
+    assert (wave.magnitude, wave.phase) == pytest.approx((0.02, math.pi / 2))
+    assert changed(study, {f"{PATH}.current": "0.5 A"}).controller["table"].correction.backward[0].phase < 0
+    config = engine_config(study, "20-mm-s", "table")["controller"]["config"]
+    assert control_layout("double").decode("cgl_microstepping_config", config)["forward"][0]["order"] == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "message"),
+    [
+        (None, {}, "expected a file at"),
+        ("[]", {}, "expected the correction.json that cogless identify writes"),
+        ('{"forward": [{"order": 1}], "backward": []}', {}, "expected the correction.json that"),
+        (
+            '{"forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], "backward": []}',
+            {},
+            "expected order times magnitude below 1 rad together, not 1.2 rad",
+        ),
+        ("{}", {"forward": [{"order": 1, "magnitude": 0.1}]}, "expected none, since forward or backward"),
+    ],
+)
+def test_a_wrong_file_is_one_line(
+    tmp_path: Path, text: str | None, more: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(StudyError) as error:
+        printer_with_file(tmp_path, text, **more)
     assert message in str(error.value) and len(str(error.value).splitlines()) == 1
 
 

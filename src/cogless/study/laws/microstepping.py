@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.control_library import whole_number
+from cogless.files import reason
 from cogless.study.laws.law import Base, LawLoop, StudyOfLaws
 from cogless.study.position_sensor import IdealSensor
-from cogless.study.table import Many, Quantity, Table, invalid
+from cogless.study.table import File, Many, Quantity, Table, invalid
 
 CORRECTION_WAVES_MOST = whole_number("CGL_MICROSTEPPING_WAVES")
 MICROSTEPS_MOST = whole_number("CGL_MICROSTEPS_MAX")
@@ -41,14 +44,44 @@ class AngleCorrection(Table):
     backward: Waves = ()
     """Waves at negative speed, at most 8."""
 
+    file: File | None = None
+    """The `correction.json` that `cogless identify` wrote for a printer, in place of both."""
+
     @model_validator(mode="after")
-    def _rises(self) -> AngleCorrection:
+    def _rises(self, info: ValidationInfo) -> AngleCorrection:
+        if self.file is None:
+            self._check("")
+            return self
+        if self.forward or self.backward:
+            raise invalid("expected none, since forward or backward is given", "file")
+        if not info.context:
+            return self
+        correction = self.model_copy(update=_waves_of_file(info.context["folder"] / self.file))
+        correction._check("file")
+        return correction
+
+    def _check(self, key: str) -> None:
+        """Refuse a command that would turn back. `key`: of the waves; "": that of their direction."""
         for direction in CORRECTED_DIRECTIONS:
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
                 expected = f"expected order times magnitude below 1 rad together, not {slope:.3g} rad"
-                raise invalid(expected, direction)
-        return self
+                raise invalid(expected, key or direction)
+
+
+def _waves_of_file(path: Path) -> dict[str, tuple[Wave, ...]]:
+    """The waves of both directions in a file of `cogless identify`."""
+    try:
+        contents = json.loads(path.read_text("utf-8"))
+        return {direction: tuple(map(_wave, contents[direction])) for direction in CORRECTED_DIRECTIONS}
+    except OSError as error:
+        raise invalid(f"{reason(error)}: expected a file at {path}", "file") from error
+    except (KeyError, TypeError, ValueError):
+        raise invalid("expected the correction.json that cogless identify writes", "file") from None
+
+
+def _wave(wave: Mapping[str, Any]) -> Wave:
+    return Wave(order=wave["order"], magnitude=wave["magnitude_rad"], phase=wave["phase_rad"])
 
 
 class Microstepping(Base):
@@ -60,7 +93,7 @@ class Microstepping(Base):
     open_loop: ClassVar[bool] = True
 
     law: Literal["microstepping"]
-    """Microstepping, see [](/guide/printers.md#simulate-a-printer)."""
+    """Microstepping, see [](/laws/microstepping.md)."""
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)]  # A rms
     """Current of each coil, rms, as a driver's `run_current`. Its amplitude is $\\sqrt2$ times as large."""
     microsteps: Annotated[int, Field(ge=1, le=MICROSTEPS_MOST)] = 256
