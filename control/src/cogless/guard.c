@@ -88,7 +88,7 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real spe
     const bool excused = guard->limited > guard->length / 8U;
     const bool elsewhere = !cgl_is_within(speed - cgl_abs(guard->speed), CGL_R(0.25) * speed);
     const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* A table that nobody learns acted while the bar was measured: test soon. */
-    const uint32_t patience = elsewhere && guard->patience > soon ? soon : guard->patience;
+    const uint32_t patience = (elsewhere || guard->patience == SOON) && guard->patience > soon ? soon : guard->patience;
     const bool gains = v < CGL_R(0.25) * guard->alone && !(v > BAR * guard->acting);
     guard->age += excused ? patience / 2U : (gains ? 1U : WEIGHT);
     guard->evidence = guard->age >= (gains ? WEIGHT : SOON * WEIGHT) ? 0U : guard->evidence;
@@ -118,21 +118,22 @@ CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real v, const cgl_gua
     }
 }
 
-/* Judges a window of a test. Only a settled window may raise the bar, because the error swings after a change of the share. If the
- * reference has moved, the rotor stalls or the current loop fell short, the bar stays as it is, and evidence counts half. */
+/* Judges a window of a test. Only a settled window may raise the bar. If the reference moved, the rotor stalls or the current loop fell
+ * short, the parabola need not hold: then PART acquits only what helps, the bar stays as it is, and evidence counts half. */
 CGL_SELDOM static void judge_test(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool calm, bool stalls)
 {
-    const bool part = guard->phase == (uint8_t)CGL_GUARD_PART, helps = v > BAR * guard->acting, harms = guard->acting > BAR * v;
-    const cgl_real share = phase_share[guard->phase], alone = (v - share * guard->acting) / (CGL_R(1.0) - share);
-    if (part && !helps) {
+    const cgl_real share = phase_share[guard->phase], bound = (v - share * guard->acting) / (CGL_R(1.0) - share);
+    const bool part = share > CGL_R(0.0), harms = guard->acting > BAR * bound;
+    const cgl_real alone = part ? larger(bound, guard->acting) : v;
+    const bool moved = !cgl_is_within(in->omega_ref - guard->speed, CGL_R(0.1) * cgl_abs(guard->speed));
+    const bool unlike = moved || stalls || guard->limited > guard->length / 8U;
+    if (part && (harms || (unlike && !(v > BAR * guard->acting)))) {
         go_to(guard, CGL_GUARD_ALONE, 1U);
         return;
     }
     if (!calm && (part ? alone > BAR * guard->alone : !harms)) {
         return;
     }
-    const bool moved = !cgl_is_within(in->omega_ref - guard->speed, CGL_R(0.1) * cgl_abs(guard->speed));
-    const bool unlike = moved || stalls || guard->limited > guard->length / 8U;
     guard->alone = !unlike && (part || calm || v < guard->alone) ? alone : guard->alone;
     if (part || !harms) {
         guard->patience = guard->patience < RARE ? 2U * guard->patience : RARE;
@@ -159,7 +160,7 @@ CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_gu
         return;
     }
     guard->gentle -= guard->gentle == CGL_GUARD_STEPS ? 1U : 0U;
-    guard->patience = in->learn ? SOON : SOON / 4U;
+    guard->patience = SOON;
     go_to(guard, CGL_GUARD_LEARN, 0U);
 }
 
