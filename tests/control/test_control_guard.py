@@ -119,6 +119,30 @@ def test_learning_that_halves_the_ripple_is_tested_by_a_quarter_of_its_share_and
 
 
 @PRECISIONS
+@pytest.mark.parametrize("gain", [0.02, 0.0, -0.02])
+def test_learning_that_changes_little_is_never_taken_away(precision, gain):
+    """Three quarters of it show that the whole does no harm, as where a sensor's noise hides the ripple."""
+    guard = begun(precision)
+    shares, tests = set(), 0
+    for _ in range(200 * WINDOW):
+        before = guard.phase
+        guard.step((1 - gain * guard.state.share) * math.sin(6 * OMEGA * TS * guard.n))
+        shares.add(round(float(guard.state.share), 3))
+        tests += guard.phase == PART != before
+    assert min(shares) == 0.75 and tests >= 3
+    assert guard.state.alone == pytest.approx(0.5, rel=0.1) and guard.state.gentle == 1
+
+
+@PRECISIONS
+def test_learning_that_begins_late_is_no_table(precision):
+    """A table is tested four windows after the start; what is learned later, at the 16th."""
+    table, late = begun(precision, learn=False), begun(precision, learn=False)
+    assert table.run(30, 1.0, until=states(HOLD), learn=False) < 7
+    assert late.run(1.5, 1.0, until=states(HOLD), learn=False) == 1.5
+    assert late.run(30, 0.95, until=states(HOLD)) > 10
+
+
+@PRECISIONS
 def test_learning_that_hurts_is_taken_away_and_learned_more_gently(precision):
     guard = begun(precision)
     guard.run(5, 0.8)

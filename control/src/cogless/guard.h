@@ -4,12 +4,12 @@
  * that acts. In a test nothing is learned, so the error changes in proportion to s. The ripple P(s) is then a parabola that opens upwards.
  * A test has two parts:
  *
- *   PART   s = 3/4. P(3/4) > P(1) proves that P(0) > P(1): what is learned helps, and the test ends. It adds only a sixteenth of the
- *          ripple that ALONE adds
+ *   PART   s = 3/4. P(0) is at least 4 P(3/4) - 3 P(1). If P(1) is at most 1.18 times this bound, what is learned does no harm, and the
+ *          test ends. It adds only a sixteenth of the ripple that ALONE adds
  *   ALONE  s = 0, if PART proved nothing or was skipped after a suspicion. P(1) > 1.18 P(0) is evidence of harm, anything else is not
  *
- * Each part also gives the bar, the ripple with which every window of learning is compared: P(0), or its lower bound (P(s) - s P(1)) /
- * (1 - s). A burst is a ripple of 16 times the bar. A burst, or windows above the bar, are a suspicion.
+ * Each part also gives the bar, the ripple with which every window of learning is compared: P(0) from ALONE; from PART its lower bound,
+ * or P(1) if that is more. A burst is a ripple of 16 times the bar. A burst, or windows above the bar, are a suspicion.
  *
  *   START  Nothing has been learned yet. Measures the bar -> LEARN. If the rotor is at its reference in the first sample, LEARN begins at
  *          once, and its first window gives the bar
@@ -71,7 +71,7 @@ typedef struct {
                            the window ends */
     cgl_real ripple;    /* ripple of the last window [rad^2/s^2] */
     cgl_real acting;    /* P(1) of the last HOLD [rad^2/s^2] */
-    cgl_real alone;     /* the bar: P(0), or the lower bound of P(0) that PART gives; 0: unknown [rad^2/s^2] */
+    cgl_real alone;     /* the bar: P(0), or the bound that PART gives; 0: unknown [rad^2/s^2] */
     cgl_real noise;     /* mean of the squares in `fast` when last nothing learned acted [rad^2/s^2] */
     cgl_real speed;     /* reference of the speed when P(1) was measured [rad/s] */
     uint32_t age;       /* age of the last test: a window adds 8, but only 1 if learning gains much [1/8 windows] */
