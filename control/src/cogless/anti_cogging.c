@@ -144,10 +144,10 @@ CGL_SELDOM static void finish(cgl_anti_cogging *law)
     for (uint32_t n = 0; n < config->cells; ++n) {
         mean += law->table[n] / (cgl_real)config->cells;
     }
+    /* A retune during the recording may have lowered the limit, so table and friction are limited again. */
     for (uint32_t n = 0; n < config->cells; ++n) {
         law->table[n] = cgl_clamped(law->table[n] - mean, config->pi.limit);
     }
-    /* a retune may have lowered the limit since the first entries were recorded */
     law->friction = cgl_clamped(CGL_R(0.5) * law->means[0] - CGL_R(0.5) * law->means[1], config->pi.limit);
     law->stage = CGL_ANTI_COGGING_RUN;
     cgl_pi_reset(&law->pi);

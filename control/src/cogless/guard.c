@@ -6,11 +6,11 @@
 #define LONGEST CGL_R(2.5)   /* longest window [s]: a slower rotor is judged in parts of a turn */
 #define FIRST CGL_R(1.0)     /* longest window of START [s]: a slow rotor does not wait for a whole turn. LEARN then gives its bar. */
 #define RAMP CGL_R(0.5)      /* time for the share to go from 0 to 1 [s]: the feedback's integral has to take over a learned load */
-#define SOON 16U             /* The first test comes after this many windows. It ends soon after the twenty windows that are promised. */
+#define SOON 16U             /* windows before the first test: what it convicts acts for little more than the twenty windows promised */
 #define RARE 1024U           /* The last tests are this many windows apart. The three windows of a test are then 0.3 % of the time. */
 #define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple. */
 #define GUILT 4U             /* counts of evidence that convict: a test counts 2, as one may be chance; a pause that helped counts 1 */
-#define BLATANT CGL_R(4.0)   /* One test convicts if the ripple is this many times smaller without what is learned, unless after a burst. */
+#define BLATANT CGL_R(4.0)   /* One test convicts if the ripple falls below 1/BLATANT while nothing learned acts, but not after a burst. */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
     {CGL_REAL_MAX, CGL_R(1.0), CGL_R(1.0)}, {CGL_R(1.01), CGL_R(1.0), CGL_R(1.0)}, {CGL_R(0.5), CGL_R(1.0), CGL_R(0.98)},

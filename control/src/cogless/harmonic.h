@@ -102,14 +102,14 @@ typedef struct {
     cgl_real omega;          /* speed of the observer [turns/ts] */
     cgl_real load;           /* z, the load of the observer [turns/ts^2] */
     cgl_real mean;           /* moving mean of z [turns/ts^2] */
-    cgl_real drift;          /* moving mean of z - mean: the part of z below the base order [turns/ts^2] */
+    cgl_real drift;          /* moving mean of (z - mean): what is slower than the base order [turns/ts^2] */
     cgl_real share;          /* weight of the present z in its moving mean */
     cgl_real last_load;      /* z - mean in the last step [turns/ts^2] */
     cgl_real time;           /* time of learning since the last new speed [s] */
     cgl_real slowest, fastest; /* lowest and highest speed so far; a speed is new if it is beyond them by a quarter [turns/ts] */
     cgl_real rate;           /* present rate of learning [1/s] */
     cgl_real step;           /* angle of the base order in a step when this round of gains began [rad] */
-    cgl_phasor base, half;   /* phasors of the angles by which the base order turns in `lead` and in half a period */
+    cgl_phasor base, half;   /* base: phasor of the angle by which the base order turns in the time `lead`; half: in half a period */
     cgl_phasor delayed, turned; /* the same two phasors for the order `next_gain` */
     cgl_harmonic_bend bend;
     uint32_t bends;          /* number of orders of the bend that are learned */

@@ -33,7 +33,7 @@ typedef struct {
  * instructions. */
 typedef struct {
     bool run_positive;            /* sign of the errors in the present run */
-    bool has_long_run;            /* this window has had a run long enough to be no noise */
+    bool has_long_run;            /* this window has had a run that is too long for noise */
     bool learned;                 /* something was learned in this window */
     bool began;                   /* a window in which something was learned has ended */
     uint32_t outliers;            /* outliers in this window */

@@ -22,7 +22,7 @@ typedef struct {
     cgl_real c;               /* slope of the sliding surface [1/s], >= 0 */
     cgl_real g;               /* switching gain [rad/s^2], >= 0 */
     cgl_real eta;             /* linear reaching gain [1/s], >= 0 */
-    cgl_real q;               /* learning rate [-], >= 0; 0: nothing is learned. With a guard, q beta_2 > 0 needs c + eta > 0 */
+    cgl_real q;               /* learning rate [-], >= 0; 0: nothing is learned. With a guard: if q beta_2 > 0, c + eta must be > 0 too */
     cgl_real beta_1;          /* weight of sgn S in learning [rad/s^2], >= 0 */
     cgl_real beta_2;          /* weight of S in learning [1/s], >= 0 */
     cgl_real gamma;           /* adaptation rate [1/s^2], >= 0 */

@@ -53,7 +53,7 @@ CGL_SELDOM cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_spac
     }
     law->config = *config;
     law->config.ratio = ratio_of(config);
-    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
+    law->gentle = UINT32_MAX; /* The next step computes the gains for the guard's step again. */
     return CGL_OK;
 }
 

@@ -166,7 +166,7 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     const cgl_real wanted = feedback + integral + f + learned;                    /* Fig. 1 */
     const cgl_real psi = law->psi + (config->through_integrator ? e + law->v : e); /* (4) */
 
-    /* if x is not finite, K_1 x is not finite either: even a gain of 0 times x is NaN then */
+    /* x needs no check of its own: state_feedback contains K_1 x, which is NaN for an infinite x even where K_1 is 0. */
     const cgl_real besides = observes(config) ? state_feedback + law->observer.missing : CGL_R(0.0);
     if (!(plausible && cgl_is_finite(wanted + psi) && cgl_is_finite(besides))) {
         give_up(law, p, f + learned, (unsigned)CGL_STATUS_FAULT, out);

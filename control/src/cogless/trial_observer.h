@@ -46,7 +46,7 @@ typedef struct {
     bool started;            /* the trial has had a sample */
 } cgl_trial_observer;
 
-/* Checks the config with the limit of u. */
+/* Checks the config and `limit`, the largest |u| [u]. */
 cgl_error cgl_trial_observer_init(const cgl_trial_observer_config *config, cgl_real limit);
 
 /* Starts anew for a trial. */
