@@ -77,6 +77,19 @@ def replacing(path: Path) -> Iterator[Path]:
                 temporary.unlink()
 
 
+def check_replaceable(path: Path) -> None:
+    """StudyError: `replacing` would fail, so that nothing is computed that can't be written."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        if path.is_dir():
+            raise StudyError(f"{path}: is a directory: expected a file that can be written")
+        return
+    try:
+        with tempfile.TemporaryFile(dir=Path(os.path.realpath(path)).parent):
+            pass
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
+
+
 def check_utf8(path: Path, expected: str) -> None:
     """StudyError: a path isn't UTF-8, and so can't be written to results and reports."""
     if any("\ud800" <= character <= "\udfff" for character in str(path)):

@@ -121,6 +121,26 @@ def test_a_source_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.C
     assert code == 2 and f"{tmp_path / 'none'}: no such file or folder: expected a folder of" in err
 
 
+def test_a_table_without_a_target_lists_the_drives(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = cogless(capsys, "table", csv_of(tmp_path / "table.csv", 360), "--from", "csv")
+    assert (code, out) == (2, "") and err.count("\n") == 1
+    assert "--to: missing: expected one of moteus, simplefoc, csv, c, akd, ax8000, prusa, " in err
+
+
+@pytest.mark.parametrize(("place", "reason"), [("none/table.cfg", "no such file"), (".", "is a directory")])
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_said(
+    place: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = csv_of(tmp_path / "table.csv", 360)
+    options = ["--from", "csv", "--to", "csv", "-o", tmp_path / place]
+    code, out, err = cogless(capsys, "table", source, *options)
+    assert (code, out) == (2, "") and err.count("\n") == 1
+    assert reason in err and "expected a file that can be written" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"]
+
+
 def test_uneven_angles_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = tmp_path / "table.csv"
     source.write_text("angle [deg],current [A]\n0,1\n100,2\n240,1\n")

@@ -41,8 +41,8 @@ def table(
         ),
     ],
     to: Annotated[
-        str, typer.Option("--to", metavar="DRIVE", help="Write for this drive.", show_default=False)
-    ],
+        str | None, typer.Option("--to", metavar="DRIVE", help="Write for this drive.", show_default=False)
+    ] = None,
     output: Annotated[
         Path | None,
         output_option("File for the table. Without -o nothing is written, only described.", "FILE", False),
@@ -91,9 +91,14 @@ def table(
     """
     from cogless.drives.adapter import TableFrame
     from cogless.drives.holding_current import residue
-    from cogless.drives.registry import adapter_named
+    from cogless.drives.registry import able_drives, adapter_named
+    from cogless.files import check_replaceable
 
+    if to is None:
+        raise StudyError(f"--to: missing: expected one of {able_drives('--to')}")
     adapter = adapter_named(to, "--to")
+    if output is not None:
+        check_replaceable(output)
     if adapter.write_correction is not None:
         options = {
             "--from": from_,
