@@ -402,7 +402,7 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.verdict._few_counts": [
         Case(MY_MOTOR, {**NONE, **absolute(bits=12, window=4),
-                        **law(**LEARNS, gain="0.02 A*s/rad", q_half_width=1)}, "not sure: at 30 rpm", "x"),
+                        **law(**LEARNS, gain="0.02 A*s/rad", q_half_width=1)}, "not sure: at 30 r/min", "x"),
     ],
     "design.verdict.Verdict.remark": [
         Case(SMALLEST, {**SETTLING, **law(**{**AFC, "gain": "3 A/rad"})}, "grows", "x", left=0.5),

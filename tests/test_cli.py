@@ -59,7 +59,7 @@ def test_run_prints_the_verdict_and_writes_everything(
     assert (code, err) == (0, "")
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
     lines = out.splitlines()
-    assert lines[0] == "low" and lines[1].startswith("At 60 rpm, fair leaves ")
+    assert lines[0] == "low" and lines[1].startswith("At 60 r/min, fair leaves ")
     title = next(line for line in lines if line.startswith("speed ripple"))
     pi, fair = lines[lines.index(title) + 1 :][:2]
     assert title.split()[-1] == "rpm" and pi.endswith("baseline") and fair.endswith(" times less")
@@ -78,8 +78,8 @@ def test_run_prints_the_verdict_and_writes_everything(
 def test_run_prints_all_metrics_if_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = cogless(capsys, "run", studies.write(tmp_path), "--all", "-o", tmp_path / "out")
     lines = out.splitlines()
-    assert code == 0 and lines[1].startswith("At 60 rpm, fair leaves ")
-    ripple = next(line for line in lines if line.startswith("speed ripple [rpm]"))
+    assert code == 0 and lines[1].startswith("At 60 r/min, fair leaves ")
+    ripple = next(line for line in lines if line.startswith("speed ripple [r/min]"))
     assert "x)" in ripple and ripple.count("*") == 1
     assert "* best; (x) times the value of pi" in lines and "--all" not in out
 
@@ -242,7 +242,7 @@ def test_a_whole_controller_may_be_added(tmp_path: Path, capsys: pytest.CaptureF
     changes = [f"--set=controller.new.{pair}" for pair in ("kp=0.02", "ki=0.3", "law=pi")]
     code, out, _ = cogless(capsys, "run", studies.write(tmp_path), "-o", tmp_path, "--only=low/new", *changes)
     assert code == 0
-    assert re.match(r"At 60 rpm, speed ripple: new [\d.]+ rpm\.$", out.splitlines()[1])
+    assert re.match(r"At 60 r/min, speed ripple: new [\d.]+ r/min\.$", out.splitlines()[1])
 
 
 def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -257,13 +257,13 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
     said = out.splitlines()
     assert any(line.split() == ["PI", "[red]", "fair", "[b]Mine"] for line in said)
     assert any(line.startswith("[b]Mine ") and line.endswith("did not hold the speed") for line in said)
-    rows = [line.rstrip() for line in said if line.startswith("speed") and "[rpm]" in line]
+    rows = [line.rstrip() for line in said if line.startswith("speed") and "[r/min]" in line]
     assert len(rows) == 2
     assert all(row.endswith(" !") and row.count("*") == 1 for row in rows)
-    assert "! [b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in said
+    assert "! [b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 r/min" in said
     assert "* best; (x) times the value of PI [red]" in said
     report = (tmp_path / "report.html").read_text()
-    assert "[b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in report
+    assert "[b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 r/min" in report
 
 
 def test_a_directory_that_cannot_be_written_is_found_before_the_run(
@@ -802,7 +802,7 @@ def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
     ]
 
 
-@pytest.mark.parametrize("lowered", ["The plan's speeds end at 100 rpm.", ""])
+@pytest.mark.parametrize("lowered", ["The plan's speeds end at 100 r/min.", ""])
 def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, lowered: str
 ) -> None:
@@ -883,7 +883,7 @@ def test_no_help_text_loses_words_to_markup() -> None:
 
 LOW = """\
 low-speed
-At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less than PI as published (11.8 rpm).
+At 60 r/min, PI-ILC leaves 1.57 r/min of speed ripple, 7.52 times less than PI as published (11.8 r/min).
 
 speed ripple, 8 to 10 s   rpm
 PI as published          11.8  baseline
@@ -893,10 +893,10 @@ PI-ILC                   1.57  7.52 times less
 """
 LOW_METRICS = """\
                                           PI as published        PI re-tuned             PI-ILC
-speed orders: order 1 (electrical) [rpm]            0.900     0.500 (0.556x)   0.100 (0.111x) *
-speed orders: order 2 (electrical) [rpm]            0.400     0.200 (0.500x)  0.0600 (0.150x) *
-speed orders: order 6 (electrical) [rpm]             4.80      1.90 (0.396x)  0.461 (0.0960x) *
-speed ripple [rpm]                                   11.8      5.17 (0.438x)    1.57 (0.133x) *
+speed orders: order 1 (electrical) [r/min]            0.900     0.500 (0.556x)   0.100 (0.111x) *
+speed orders: order 2 (electrical) [r/min]            0.400     0.200 (0.500x)  0.0600 (0.150x) *
+speed orders: order 6 (electrical) [r/min]             4.80      1.90 (0.396x)  0.461 (0.0960x) *
+speed ripple [r/min]                                   11.8      5.17 (0.438x)    1.57 (0.133x) *
 torque ripple [mN·m]                                 6.07       6.07 (1.00x)       6.07 (1.00x)
 copper loss [W]                                   0.00497    0.00497 (1.00x)    0.00497 (1.00x)
 chattering [mA]                                      2.95       2.95 (1.00x)       2.95 (1.00x)
@@ -905,7 +905,7 @@ chattering [mA]                                      2.95       2.95 (1.00x)    
 LOW_COST = "None of the 3 other numbers is worse with PI-ILC than with PI as published.\n\n"
 STEP = """\
 step-on
-At 60 rpm, PI re-tuned is thrown off by 48.3 rpm (dip), 1.51 times less than PI as published (73.0 rpm).
+At 60 r/min, PI re-tuned is thrown off by 48.3 r/min (dip), 1.51 times less than PI as published (73.0 r/min).
 
 dip, 2 to 4 s     rpm
 PI as published  73.0  baseline
@@ -917,7 +917,7 @@ STEP_METRICS = """\
                  PI as published      PI re-tuned           PI-ILC
 copper loss [W]             48.4     48.4 (1.00x)     48.4 (1.00x)
 chattering [mA]             3.52     3.52 (1.00x)     3.52 (1.00x)
-dip [rpm]                   73.0  48.3 (0.661x) *    56.4 (0.772x)
+dip [r/min]                   73.0  48.3 (0.661x) *    56.4 (0.772x)
 settling [s]               never            never           1.36 *
 
 """
@@ -940,7 +940,7 @@ def test_results_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixtu
     without_bar = printed(replace(results, runs=low[1:]), every_metric=True)
     assert re.search(r"speed ripple \[rpm\] +5\.17 +1\.57 \*\n", without_bar)
     assert without_bar.endswith("\n* best\n")
-    alone = "low-speed\nAt 60 rpm, speed ripple: PI as published 11.8 rpm.\n\n"
+    alone = "low-speed\nAt 60 r/min, speed ripple: PI as published 11.8 r/min.\n\n"
     assert printed(replace(results, runs=low[:1])) == alone + REST.replace("11", "7")
     metrics = printed(replace(results, runs=low[:1]), every_metric=True)
     assert re.search(r"\nspeed ripple \[rpm\] +11\.8\n", metrics)

@@ -73,7 +73,7 @@ def words(text: str) -> set[str]:
 @pytest.mark.parametrize("options", [[], ["--all"]])
 def test_run(printed: Printed, tmp_path: Path, options: list[str]) -> None:
     out = printed("run", studies.write(tmp_path), "-o", "out", "--no-limits", *options)
-    assert out.startswith("low\nAt 60 rpm, fair leaves ") and "\nstep\nAt 60 rpm, " in out
+    assert out.startswith("low\nAt 60 r/min, fair leaves ") and "\nstep\nAt 60 r/min, " in out
     assert out.endswith("\nReport: out/report.html\n")
 
 
@@ -85,7 +85,7 @@ def test_run_of_long_labels(printed: Printed, tmp_path: Path) -> None:
     out = printed(
         "run", studies.write(tmp_path), "-o", "out", "--only", "low/*", "--all", "--no-limits", *options
     )
-    assert out.count("\nspeed ripple [rpm] ") == 2  # in each part of the table
+    assert out.count("\nspeed ripple [r/min] ") == 2  # in each part of the table
 
 
 @pytest.mark.parametrize("options", [[], ["--all"]])

@@ -53,7 +53,7 @@ def test_texts_become_si(text: str, dimension: units.Dimension, si: float) -> No
     ("text", "dimension", "expected"),
     [
         ("60", units.ANGULAR_SPEED, 'expected a unit too, such as "60 rpm"'),
-        (19 * "1", units.ANGULAR_SPEED, f'expected a unit too, such as "{19 * "1"} rpm"'),
+        (19 * "1", units.ANGULAR_SPEED, f'expected a unit too, such as "{19 * "1"} r/min"'),
         (20 * "1", units.ANGULAR_SPEED, 'expected a unit too, such as "1 rpm"'),
         (
             "60 rpn",

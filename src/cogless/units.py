@@ -186,8 +186,13 @@ def _unlike(unit: str) -> UnitError:
 
 
 def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) -> str:
-    """An SI value as a text in the given unit, such as "60 rpm"."""
-    return f"{convert(value_si, unit, dimension):.{digits}g} {unit}"
+    """An SI value as a text in the given unit, such as "60 r/min"."""
+    return f"{convert(value_si, unit, dimension):.{digits}g} {spelled(unit)}"
+
+
+def spelled(unit: str) -> str:
+    """A unit as cogless prints it: "r/min" where a study may have "rpm", and "A/(r/min)" for "A/rpm"."""
+    return re.sub(r"\brpm\b", "r/min", re.sub(r"/rpm\b", "/(r/min)", unit, flags=re.I), flags=re.I)
 
 
 @cache

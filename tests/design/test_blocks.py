@@ -28,8 +28,8 @@ from cogless.study.reading import Remark
 FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
 LATER = r" or later \(not in the model: dead time, current noise"
 LATE = "; too late for scenario slow, which lasts 60 s"
-YES = rf"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm{LATER}\){LATE}"
-REACH = r"; it learns up to 25000 rpm$"
+YES = rf"yes, in about \d+ s at 15 r/min and [\d.]+ s at 240 r/min{LATER}\){LATE}"
+REACH = r"; it learns up to 25000 r/min$"
 
 
 @pytest.fixture(scope="module")
@@ -87,12 +87,12 @@ def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | No
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\); it learns up to \d+ rpm$"),
+        ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\); it learns up to \d+ r/min$"),
         (
             {"gamma": -0.1},
-            "no, because at 15 rpm not all orders need converge where the inertia is 50 % off",
+            "no, because at 15 r/min not all orders need converge where the inertia is 50 % off",
         ),
-        ({"most": 0.25}, "no, because at 15 rpm the orders together settle only at rates to 0.25 1/s$"),
+        ({"most": 0.25}, "no, because at 15 r/min the orders together settle only at rates to 0.25 1/s$"),
         ({"snaps": "the rotor snaps"}, "no, because the rotor snaps$"),
     ],
 )
@@ -130,17 +130,17 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
     table = found["Anti-cogging table (anti-cogging, phase-margin)"]
     assert table["settles"] == "it learned before the run, and doesn't learn in it"
     assert found["harmonic (harmonic, auto)"]["gains"].count(",") == 1  # kp and ki; the rest is in --long
-    assert "b 4.393e+04 rpm/s/A" in found["Robust ILC (robust-ilc)"]["gains"]
+    assert "b 4.393e+04 r/min/s/A" in found["Robust ILC (robust-ilc)"]["gains"]
 
 
 @pytest.mark.parametrize(
     ("words", "verdict", "reason"),
     [
         ("yes", "yes", ""),
-        ("yes; it learns up to 9 rpm", "yes", "it learns up to 9 rpm"),
+        ("yes; it learns up to 9 r/min", "yes", "it learns up to 9 r/min"),
         ("no, because it grows, 1.2x a period", "no", "it grows, 1.2x a period"),
         ("not judged: it snaps", "not judged", "it snaps"),
-        ("not worth it: at 5 rpm it leaves 2 rpm", "not worth it", "at 5 rpm it leaves 2 rpm"),
+        ("not worth it: at 5 r/min it leaves 2 r/min", "not worth it", "at 5 r/min it leaves 2 r/min"),
         ("it learns nothing; frozen", "no", "it learns nothing; frozen"),
     ],
 )

@@ -216,7 +216,7 @@ def test_the_certificate_tells_up_to_which_speed_an_eccentric_sensor_is_found():
     """At 72 waves a turn and 5 kHz 0.5105 rad a sample are 338 r/min."""
     made = certificate(study(), "harmonic")
     assert made.straight is not None and made.straight / RPM == pytest.approx(338.5, abs=0.1)
-    assert "an eccentric sensor's error at up to 338.5 rpm" in made.words()
+    assert "an eccentric sensor's error at up to 338.5 r/min" in made.words()
     assert certificate(study(**{"controller.harmonic": BASE_2}), "harmonic").straight is None
 
 
@@ -233,7 +233,8 @@ def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
     assert (
-        "at 15 rpm those to 432 learn at 4.34 1/s, settle at rates to 10.3 1/s and converge with b 50 % off "
+        "at 15 r/min those to 432 learn at 4.34 1/s, settle at rates to 10.3 1/s and converge with "
+        "b 50 % off "
         "(Re Gamma 0.66" in made.words()
     )
     assert certificate(here, "harmonic").fine

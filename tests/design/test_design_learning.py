@@ -117,12 +117,12 @@ def printed(changes: dict[str, Any]) -> str:
 @pytest.mark.parametrize(
     ("changes", "speed", "why"),
     [
-        (BY_TIME, 1.0, "a period at 60 rpm has 5000 samples, cells 2000"),
+        (BY_TIME, 1.0, "a period at 60 r/min has 5000 samples, cells 2000"),
         (BY_TIME, 4.0, None),
         ({**BY_TIME, "controller.pi-ilc.q_half_width": 900}, 6.0, "833.3 samples, the Q filter needs 901"),
         ({**BY_TIME, "controller.pi-ilc.q_half_width": 800}, 6.0, None),
         (LONG_LEAD, 1.0, None),
-        (LONG_LEAD, 4.0, "a period at 240 rpm has 1250 samples, lead 400 is over a quarter"),
+        (LONG_LEAD, 4.0, "a period at 240 r/min has 1250 samples, lead 400 is over a quarter"),
     ],
 )
 def test_what_is_said_to_be_frozen_learns_nothing(
@@ -156,11 +156,11 @@ def test_a_map_needs_four_samples_a_period() -> None:
 def test_frozen_is_printed_and_in_json() -> None:
     reasons = known(load("uomodri", BY_TIME), "pi-ilc").frozen
     assert reasons == (
-        "a period at 15 rpm has 20000 samples, cells 2000",
-        "a period at 60 rpm has 5000 samples, cells 2000",
+        "a period at 15 r/min has 20000 samples, cells 2000",
+        "a period at 60 r/min has 5000 samples, cells 2000",
     )
     shown = printed(BY_TIME)  # its column folds
-    assert "frozen: a period at 60 rpm" in shown and "has 5000 samples, cells 2000" in shown
+    assert "frozen: a period at 60 r/min" in shown and "has 5000 samples, cells 2000" in shown
     plain = to_dict(load("uomodri", BY_TIME))["controllers"]
     assert plain["pi-ilc"]["learning"]["frozen"] == list(reasons)
     assert plain["robust-ilc"]["learning"]["frozen"] == []

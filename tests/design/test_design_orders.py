@@ -153,7 +153,7 @@ def test_the_poles_are_those_of_resonators_beside_the_pi(sensor: dict[str, Any],
 def test_where_nothing_is_learned_is_told() -> None:
     slow = at("1 rpm", {"omega_min": "2 rpm"})
     assert known(slow).kind == "rests"
-    assert foreseen(slow, "s", "pi-afc") == "1 rpm is below omega_min"
+    assert foreseen(slow, "s", "pi-afc") == "1 r/min is below omega_min"
     fast = at("10 rev/s", {"orders": [251, 260]})  # at 5 kHz
     assert known(fast).kind == "rests"
     assert foreseen(fast, "s", "pi-afc") == "order 251 has less than two samples at 10 rev/s"

@@ -96,7 +96,7 @@ def test_the_same_design_as_json(name: str) -> None:
         assert margins["phase_margin_rad"] == pytest.approx(math.radians(degrees), rel=2e-3)
         assert margins["gain_margin"] == pytest.approx(gain, rel=3e-3)
         assert margins["phase_crossover_rad_s"] == pytest.approx(math.tau * second, rel=2e-3)
-        kp = float(re.search(r"kp ([\d.]+) A/rpm", line)[1])
+        kp = float(re.search(r"kp ([\d.]+) A/\(r/min\)", line)[1])
         assert each["gains"]["kp"] == {"value": pytest.approx(kp * 30 / math.pi, rel=2e-3), "unit": "A*s/rad"}
         learns = each["learning"] is not None or each["certificate"] is not None
         assert learns == (each["fastest_rad_s"] is not None)

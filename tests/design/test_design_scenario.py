@@ -149,7 +149,7 @@ def test_too_few_edges_for_the_loop_are_told(rpm: int, method: str, told: bool) 
     assert (bias > 0.15) == (told and method == "MT")
     if told and method == "MT":
         assert lines[0].startswith(
-            "controller.pi: at 1 rpm an edge comes every 3.7 ms, the crossover is 121 Hz: "
+            "controller.pi: at 1 r/min an edge comes every 3.7 ms, the crossover is 121 Hz: "
         )
         assert "of 60 deg of phase margin; where it stops and goes it reads high" in lines[0]
         assert (

@@ -16,7 +16,7 @@ from cogless.design.verdict import Verdict
 def test_a_design_says_up_to_which_speed_it_learns() -> None:
     found = Verdict("settles", unit="rpm")
     one = Design("pi-ilc", None, {}, None, found, fastest=math.tau)
-    assert one.words() == "settles; learns up to 60 rpm"
+    assert one.words() == "settles; learns up to 60 r/min"
     fine = Design("pi-ilc", None, {}, None, Verdict("settles"), fastest=1.23456789)
     assert fine.words() == "settles; learns up to 1.23457 rad/s"
     assert Design("pi-ilc", None, {}, None, found).words() == "settles"

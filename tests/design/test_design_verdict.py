@@ -207,7 +207,7 @@ STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
         ),
         (
             Verdict("unstable", None, 6.2832, varies=True, unstable=GROWING, unit="rpm"),
-            "unstable with what learning adds at once, at 88 Hz at 60 rpm",
+            "unstable with what learning adds at once, at 88 Hz at 60 r/min",
         ),
         (
             Verdict("may be unstable", unstable=GROWING),

@@ -32,11 +32,11 @@ def beyond_drive(study, scenarios):
 
 
 def test_a_speed_beyond_the_voltage_is_said_with_the_speed_that_it_reaches():
-    """58 rpm/V and 24 V: 1392 rpm."""
+    """58 rpm/V and 24 V: 1392 r/min."""
     fast = my_motor(**{"scenario.slow.reference": "3000 rpm"}, **FINER)
     line = (
-        "scenario.slow: its reference of 3000 rpm needs more voltage than there is: "
-        "24 V turn this motor at 1392 rpm without load"
+        "scenario.slow: its reference of 3000 r/min needs more voltage than there is: "
+        "24 V turn this motor at 1392 r/min without load"
     )
     assert beyond_drive(fast, ["slow", "slow"]) == [line]
     assert f"{line}." in [str(text) for text in design_table(fast).renderables]
@@ -46,7 +46,7 @@ def test_a_speed_beyond_the_voltage_is_said_with_the_speed_that_it_reaches():
 
 
 def test_a_step_that_is_too_long_for_an_unreachable_speed_names_the_voltage():
-    expected = r"its voltage turns the motor at 1392 rpm without load, not at 3000$"
+    expected = r"its voltage turns the motor at 1392 r/min without load, not at 3000$"
     with pytest.raises(StudyError, match=expected):
         my_motor(**{"scenario.slow.reference": "3000 rpm"})
     # the step only has to follow what the voltage reaches
@@ -59,7 +59,7 @@ def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
     encoder = {"kind": "encoder", "lines": 2500}
     slow = {"scenario.slow.reference": "11 rpm", "drive.position_sensor": encoder}
     line = (
-        "scenario.slow: at 11 rpm 0.46 counts come in a speed sample: most read 0, others 24 rpm; "
+        "scenario.slow: at 11 r/min 0.46 counts come in a speed sample: most read 0, others 24 r/min; "
         'drive.position_sensor.speed_method = "MT" times the edges'
     )
     assert beyond_drive(my_motor(**slow), ["slow", "slow"]) == [line]
@@ -69,7 +69,7 @@ def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
     assert beyond_drive(my_motor(**timed), ["slow"]) == []
     word = {"kind": "absolute", "bits": 12, "window": 4}
     (of_a_word,) = beyond_drive(my_motor(**slow | {"drive.position_sensor": word}), ["slow"])
-    assert of_a_word.endswith("others 73.24 rpm")
+    assert of_a_word.endswith("others 73.24 r/min")
 
 
 def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
@@ -104,7 +104,7 @@ def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
     timed = {"drive.position_sensor.speed_method": "MT"}
     study = my_motor(**stars, **counted, **{"mechanics.coulomb_friction": "0 N*m"})
     (remark,) = module.beyond_drive(study, ["slow"])
-    assert str(remark).endswith("most read 0, others 24 rpm") and remark.cures == ()
+    assert str(remark).endswith("most read 0, others 24 r/min") and remark.cures == ()
     ripple, off = [], []
     for each in (study, changed(study, timed)):
         trace = simulate(each, "slow", "pi").trace

@@ -79,7 +79,8 @@ def test_what_has_no_relay_or_is_unstable_has_no_such_oscillation(tmp_path: Path
 
 def test_a_relay_is_told_where_it_makes_more_than_the_feedback_leaves() -> None:
     line = (
-        "in 900-rpm its relay switches at 210 Hz and makes 2.5 rpm rms of ripple; g = 0 leaves 1.9 rpm rms "
+        "in 900-rpm its relay switches at 210 Hz and makes 2.5 r/min rms of ripple; g = 0 leaves "
+        "1.9 r/min rms "
         "before learning"
     )
     assert str(relay_warning(load("liu2018"), "robust-ilc")) == line
@@ -105,7 +106,11 @@ def test_without_its_relay_a_paper_s_law_leaves_what_the_sentence_says() -> None
     (said,) = (
         str(each) for each in warnings(study, "900-rpm", "robust-ilc") if "its relay switches" in str(each)
     )
-    told = re.search(r"makes ([\d.]+) rpm rms of ripple; g = 0 leaves ([\d.]+) rpm rms before learning", said)
+    told = re.search(
+        r"makes ([\d.]+) r/min rms of ripple; g = 0 leaves ([\d.]+) r/min rms before "
+        r"learning",
+        said,
+    )
     assert told is not None
     of_relay, without = map(float, told.groups())
     for scenario in ("900-rpm", "60-rpm"):

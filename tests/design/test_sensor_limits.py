@@ -47,13 +47,20 @@ def ratio(study: Study) -> float:
 @pytest.mark.parametrize(
     ("motor", "drive", "encoder", "numbers", "begins", "helps"),
     [
-        ("nema17", "stepper", "as5600", {}, "not worth it: at 50 rpm it leaves 14.7 rpm", False),
-        ("nema17", "stepper", "as5600", {"speed": 150}, "not worth it: at 150 rpm", False),
+        ("nema17", "stepper", "as5600", {}, "not worth it: at 50 r/min it leaves 14.7 r/min", False),
+        ("nema17", "stepper", "as5600", {"speed": 150}, "not worth it: at 150 r/min", False),
         ("nema17", "stepper", "absolute", {"bits": 18}, "yes, orders 50, 100 to 1200, in about ", True),
-        ("hub", "generic", "incremental", {"cpr": 4096}, "not worth it: at 10 rpm", False),
+        ("hub", "generic", "incremental", {"cpr": 4096}, "not worth it: at 10 r/min", False),
         ("hub", "generic", "absolute", {"bits": 18}, "yes, orders 3, 6 to 384, in about ", True),
         ("hub", "vesc", "as5047", {"speed": 40}, "yes, orders 3, 6 to 384, in about 9 s", False),
-        ("gimbal", "moteus", "as5600", {}, "not sure: at 20 rpm 0.23 counts come in a speed sample, ", False),
+        (
+            "gimbal",
+            "moteus",
+            "as5600",
+            {},
+            "not sure: at 20 r/min 0.23 counts come in a speed sample, ",
+            False,
+        ),
         ("gimbal", "generic", "absolute", {"bits": 18}, "yes, orders 2, 4 to 256, in about ", True),
         ("drone", "moteus", "as5600", {}, "not sure: at ", False),
         ("drone", "generic", "as5048", {"speed": 200}, "yes, orders 2, 4 to 256, in about ", True),
@@ -92,8 +99,8 @@ def test_json_and_the_long_table_have_the_answer_s_numbers(tmp_path: Path) -> No
     assert left["learned_rad_s"] == pytest.approx(math.hypot(*parts))
     file = io.StringIO()
     Console(file=file, width=240).print(design_table(draft))
-    (row,) = (line for line in file.getvalue().splitlines() if re.match(r"Harmonic +50 rpm ", line))
-    shown = [float(number) for number in re.findall(r"([\d.]+) rpm", row)]
+    (row,) = (line for line in file.getvalue().splitlines() if re.match(r"Harmonic +50 r/min ", line))
+    shown = [float(number) for number in re.findall(r"([\d.]+) r/min", row)]
     keys = ("omega_m", "alone", "learned", "sensor_steps", "sensor_error", "unlearned_orders")
     assert shown == pytest.approx([left[f"{key}_rad_s"] * 30 / math.pi for key in keys], rel=0.01)
     assert answer(draft) in " ".join(file.getvalue().split())

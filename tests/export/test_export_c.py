@@ -530,7 +530,7 @@ def test_an_export_of_what_settles_says_so(tmp_path: Path, capsys: pytest.Captur
     options = ("--controller", "pi-ilc", "--to", "c", "-o", tmp_path / "out")
     assert cogless(capsys, "export", "uomodri", *options)[2] == ""
     assert (
-        "| what `cogless design` says of it | settles; learns up to 25000 rpm |"
+        "| what `cogless design` says of it | settles; learns up to 25000 r/min |"
         in (tmp_path / "out" / "README.md").read_text()
     )
 

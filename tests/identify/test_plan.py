@@ -193,7 +193,7 @@ def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
     assert u == pytest.approx(15 / math.sqrt(3), rel=1e-4)
     assert low["fast"] == pytest.approx(3 * low["one-speed"], rel=1e-4)
     assert plan.lowered(load(tmp_path / "motor.toml")) == (
-        f"The plan's speeds end at {top * 30 / math.pi:.4g} rpm: beyond it 15 V do not drive the current "
+        f"The plan's speeds end at {top * 30 / math.pi:.4g} r/min: beyond it 15 V do not drive the current "
         "that friction, cogging and turning around take."
     )
     (results,) = rollout([load(tmp_path / "study.toml")], ["fast/*"], jobs=1)
@@ -237,7 +237,8 @@ def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
     most = plan.highest(load(tmp_path / "motor.toml"), "pi") * 30 / math.pi
     assert str(error.value) == (
         f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 6 V: expected more: cogging stops this rotor "
-        f"below {least:.3g} rpm, so the plan needs {3 * least:.3g} rpm, and the voltage reaches {most:.3g}"
+        f"below {least:.3g} r/min, so the plan needs {3 * least:.3g} r/min, and the voltage reaches "
+        f"{most:.3g}"
     )
     assert planned(tmp_path, STEPPER, 6 * 3 * least / most * 1.3)
 

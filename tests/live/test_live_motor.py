@@ -296,7 +296,7 @@ def test_a_motor_that_stands_is_not_praised(own, shown):
     settle(shown)
     run = simulate(changed(study, sets_of(shown)), "slow", "pi")
     cause = "the monitor has the output off 92 % of the time, first at 0.159 s: angle stuck, status bit 64"
-    assert missed(run, run.trace.window(4.0, 6.0), "rpm") == f"mean 0 of 30 rpm ({cause})"
+    assert missed(run, run.trace.window(4.0, 6.0), "rpm") == f"mean 0 of 30 r/min ({cause})"
     text = shown.run("return document.querySelector('#verdicts').innerText")
     assert text.count("did not hold the speed: mean 0 of 30 r/min.") == 2 and "ripple" not in text
     shown.run("cogless.set('mechanics.coulomb_friction', 3)")

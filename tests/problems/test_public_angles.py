@@ -421,7 +421,7 @@ def test_a_speed_by_counts_jumps_between_nothing_and_a_count(tmp_path: Path) -> 
     """
     drive = study(tmp_path, SMALL, SPINDLE)
     (remark,) = beyond_drive(drive, ["slow"])
-    assert "0.4 counts come in a speed sample: most read 0, others 150 rpm" in str(remark)
+    assert "0.4 counts come in a speed sample: most read 0, others 150 r/min" in str(remark)
     results, limiting = limited(drive)
     shown = results.runs[0].trace.part("omega_measured", slice(1000, None))
     count = math.tau / 400 / 1e-3

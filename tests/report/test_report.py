@@ -105,7 +105,7 @@ def test_best():
 
 def test_a_controller_that_did_not_hold_the_speed_is_not_the_best():
     def with_missed(*missed, **values):
-        return replace(line(**values), missed=dict.fromkeys(missed, "mean 0 of 60 rpm"))
+        return replace(line(**values), missed=dict.fromkeys(missed, "mean 0 of 60 r/min"))
 
     assert with_missed("a", a=0.0, b=1.0, c=2.0).best == {"b"}
     assert with_missed("a", a=0.0, b=1.0).best == {"b"}
@@ -181,8 +181,8 @@ def test_a_line_has_words_for_a_table_and_for_a_sentence():
     spans = {None: "", (0.0, 2.5): "0 to 2.5 s", (999.4, 1000.4): "999 to 1000 s"}
     spans[1234.5, 98765.4] = "1234 to 98765 s"
     assert {span: replace(plain, span=span).window for span in spans} == spans
-    stalled = replace(plain, missed={"a": "mean 0 of 60 rpm"}, span=(8.0, 10.0))
-    assert stalled.not_held("a") == "speed ripple rms, 8 to 10 s: mean 0 of 60 rpm"
+    stalled = replace(plain, missed={"a": "mean 0 of 60 r/min"}, span=(8.0, 10.0))
+    assert stalled.not_held("a") == "speed ripple rms, 8 to 10 s: mean 0 of 60 r/min"
 
 
 def test_signals_have_words_and_measured_ones_those_of_the_true_ones():
@@ -253,13 +253,13 @@ def test_the_guard_is_told_of_a_tenth_of_a_second_or_more(made, monkeypatch, spa
 
 def test_of_several_misses_the_one_with_the_latest_end_is_told():
     def missed(name, span):
-        return replace(line(a=1.0), name=name, missed={"a": "mean 0 of 60 rpm"}, span=span)
+        return replace(line(a=1.0), name=name, missed={"a": "mean 0 of 60 r/min"}, span=span)
 
     first, last, unknown = missed("first", (0.0, 0.5)), missed("last", (0.25, 0.75)), missed("unknown", None)
     for lines in ([first, last, unknown], [unknown, last, first], [last, first]):
-        assert misses(lines) == {"a": "last, 0.25 to 0.75 s: mean 0 of 60 rpm"}
-    assert misses([first, unknown]) == {"a": "first, 0 to 0.5 s: mean 0 of 60 rpm"}
-    assert misses([missed("same", (0.0, 0.5)), first]) == {"a": "same, 0 to 0.5 s: mean 0 of 60 rpm"}
+        assert misses(lines) == {"a": "last, 0.25 to 0.75 s: mean 0 of 60 r/min"}
+    assert misses([first, unknown]) == {"a": "first, 0 to 0.5 s: mean 0 of 60 r/min"}
+    assert misses([missed("same", (0.0, 0.5)), first]) == {"a": "same, 0 to 0.5 s: mean 0 of 60 r/min"}
 
 
 @pytest.mark.parametrize(
@@ -284,13 +284,15 @@ def test_verdict_leads_with_the_whole_ripple(made):
     low, step = verdicts(made)
     assert low.tone == "better"
     assert low.headline == (
-        "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less than PI as published (11.8 rpm)."
+        "At 60 r/min, PI-ILC leaves 1.57 r/min of speed ripple, 7.52 times less than PI as "
+        "published (11.8 r/min)."
     )
     details = " ".join(low.details)
     assert (
-        "Of the strongest order, 6 (electrical): PI-ILC 0.461 rpm, PI re-tuned 1.90 rpm and PI as" in details
+        "Of the strongest order, 6 (electrical): PI-ILC 0.461 r/min, PI re-tuned 1.90 r/min and PI "
+        "as" in details
     )
-    assert "3.29 times less than the best without learning, PI re-tuned (5.17 rpm)" in details
+    assert "3.29 times less than the best without learning, PI re-tuned (5.17 r/min)" in details
     assert step.tone == "even"  # the winner there doesn't learn
     assert "PI re-tuned doesn't learn; the best that does is PI-ILC" in " ".join(step.details)
     assert "In settling, PI as published and PI re-tuned never settled." in step.details
@@ -302,8 +304,8 @@ def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(ma
 
     low = verdicts(Results(made.study, [without(run) for run in made.runs]))[0]
     assert low.headline == (
-        "At 60 rpm, PI-ILC leaves 0.461 rpm of speed order 6 (electrical), "
-        "10.4 times less than PI as published (4.80 rpm)."
+        "At 60 r/min, PI-ILC leaves 0.461 r/min of speed order 6 (electrical), "
+        "10.4 times less than PI as published (4.80 r/min)."
     )
     assert "Of the strongest order" not in " ".join(low.details)
 
@@ -311,16 +313,17 @@ def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(ma
 def test_the_strongest_order_is_that_of_the_worst_where_the_baseline_has_no_number(made):
     winner = {"speed_orders_rad_s": [0.06, 0.006, 0.048]}
     low = verdicts(with_metrics(made, pi={"speed_ripple_rad_s": np.nan}, pi_ilc=winner))[0]
-    assert "Of the strongest order, 6 (electrical): PI-ILC 0.458 rpm and PI re-tuned 1.90 rpm." in low.details
+    strongest = "Of the strongest order, 6 (electrical): PI-ILC 0.458 r/min and PI re-tuned 1.90 r/min."
+    assert strongest in low.details
 
 
 @pytest.mark.parametrize(
     ("reference", "unit", "expected"),
     [
-        ("60 rpm", "", "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple"),
+        ("60 rpm", "", "At 60 r/min, PI-ILC leaves 1.57 r/min of speed ripple"),
         ("1 rev/s", "", "At 1 rev/s, PI-ILC leaves 0.0261 rev/s of speed ripple"),
         ("6.283185307179586 rad/s", "", "At 6.283 rad/s, PI-ILC leaves 0.164 rad/s of speed ripple"),
-        ("6.283185307179586 rad/s", 'unit = "rpm"', "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple"),
+        ("6.283185307179586 rad/s", 'unit = "rpm"', "At 60 r/min, PI-ILC leaves 1.57 r/min of speed ripple"),
     ],
 )
 def test_the_verdict_speaks_as_the_study_does(tmp_path, reference, unit, expected):
@@ -343,15 +346,15 @@ def test_verdict_of_a_tie(made):
     low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.104), pi_ilc=ripple(0.1)))[0]
     assert low.tone == "even"  # one of the two doesn't learn
     assert low.headline == (
-        "At 60 rpm, PI-ILC and PI re-tuned tie: they leave 0.955 rpm and 0.993 rpm of speed ripple, "
-        "about 10.0 times less than PI as published (9.55 rpm)."
+        "At 60 r/min, PI-ILC and PI re-tuned tie: they leave 0.955 r/min and 0.993 r/min of speed ripple, "
+        "about 10.0 times less than PI as published (9.55 r/min)."
     )
     assert "less than the best without learning" not in " ".join(low.details)
     low = verdicts(with_metrics(made, pi=ripple(0.104), fair_pi=ripple(1.0), pi_ilc=ripple(0.1)))[0]
     assert low.tone == "even"
-    assert low.headline.startswith("At 60 rpm, PI-ILC and PI as published tie: they leave")
+    assert low.headline.startswith("At 60 r/min, PI-ILC and PI as published tie: they leave")
     low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.106), pi_ilc=ripple(0.1)))[0]
-    assert low.tone == "better" and low.headline.startswith("At 60 rpm, PI-ILC leaves 0.955 rpm")
+    assert low.tone == "better" and low.headline.startswith("At 60 r/min, PI-ILC leaves 0.955 r/min")
 
 
 def test_verdict_names_the_costs(made):
@@ -440,14 +443,16 @@ def test_verdict_is_honest_when_learning_loses(made):
     worse = with_metrics(made, pi=ripple(0.5), pi_ilc=ripple(0.9), fair_pi=ripple(0.8))
     low = verdicts(worse)[0]
     assert low.tone == "worse"
-    assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.77 rpm of")
-    assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.60 times as much).")
-    expected = "The others against PI as published: PI-ILC 8.59 rpm (worse: 1.80 times as much)."
+    assert low.headline.startswith(
+        "At 60 r/min, no controller beats PI as published: it leaves 4.77 r/min of"
+    )
+    assert low.headline.endswith("the next, PI re-tuned, 7.64 r/min (worse: 1.60 times as much).")
+    expected = "The others against PI as published: PI-ILC 8.59 r/min (worse: 1.80 times as much)."
     assert expected in low.details
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.52, "9.93 rpm (as much)"), (0.25, "4.77 rpm (2.00 times less)")]
+    ("value", "text"), [(0.52, "9.93 r/min (as much)"), (0.25, "4.77 r/min (2.00 times less)")]
 )
 def test_verdict_tells_the_others_beside_the_baseline(made, value, text):
     pi, fair, ilc = ripple(1.0), ripple(2 * value), ripple(0.1)
@@ -458,7 +463,7 @@ def test_verdict_tells_the_others_beside_the_baseline(made, value, text):
 def test_verdict_with_zeros(made):
     low = verdicts(with_metrics(made, pi_ilc=ripple(0.0)))[0]
     assert low.tone == "better"
-    assert "PI-ILC leaves 0 rpm of" in low.headline and "against PI as" in low.headline
+    assert "PI-ILC leaves 0 r/min of" in low.headline and "against PI as" in low.headline
     low = verdicts(with_metrics(made, pi=ripple(0.0)))[0]
     assert low.tone == "worse" and low.headline.endswith("(worse).")
     none = ripple(0.0)
@@ -499,16 +504,18 @@ def with_speed(results, speeds):
 def test_a_controller_that_stalls_wins_nothing(made):
     stalled = with_speed(made, {"pi-ilc": 0.0})
     for line in compare(stalled, "low-speed"):
-        assert line.missed == {"pi-ilc": "mean 0 of 60 rpm"}
+        assert line.missed == {"pi-ilc": "mean 0 of 60 r/min"}
         assert "pi-ilc" not in line.best and line.ratio("pi-ilc", "pi") is None
     assert compare(stalled, "low-speed")[0].best == {"fair-pi"}
     low, step = verdicts(stalled)
-    assert low.headline.startswith("At 60 rpm, PI re-tuned leaves 5.17 rpm of speed ripple, 2.28 times less")
-    assert "PI-ILC did not hold the speed in speed ripple, 8 to 10 s: mean 0 of 60 rpm." in low.details
-    assert step.headline.startswith("At 60 rpm, PI re-tuned is thrown off by")
+    assert low.headline.startswith(
+        "At 60 r/min, PI re-tuned leaves 5.17 r/min of speed ripple, 2.28 times less"
+    )
+    assert "PI-ILC did not hold the speed in speed ripple, 8 to 10 s: mean 0 of 60 r/min." in low.details
+    assert step.headline.startswith("At 60 r/min, PI re-tuned is thrown off by")
     page = render(stalled)
     assert page.count("PI-ILC did not hold the speed in ") == 6  # verdicts, tables, those of jitter
-    assert 'class="missed"><span class="value">0 rpm</span></td>' in page
+    assert 'class="missed"><span class="value">0 r/min</span></td>' in page
 
 
 @pytest.mark.parametrize(
@@ -523,20 +530,20 @@ def test_verdict_when_the_baseline_or_everybody_stalls(made):
     low = verdicts(with_speed(made, {"pi": 0.5}))[0]
     assert low.tone == "better"
     assert low.headline == (
-        "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
-        "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
+        "At 60 r/min, PI-ILC leaves 1.57 r/min of speed ripple; "
+        "PI as published did not hold the speed (mean 30 of 60 r/min, 8 to 10 s)."
     )
-    assert "The others: PI re-tuned 5.17 rpm." in low.details
+    assert "The others: PI re-tuned 5.17 r/min." in low.details
     low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}))[0]
     assert low.tone == "worse"
     assert low.headline == (
-        "At 60 rpm, only PI as published holds the speed: it leaves 11.8 rpm of speed ripple."
+        "At 60 r/min, only PI as published holds the speed: it leaves 11.8 r/min of speed ripple."
     )
     low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}))[0]
     assert low.tone == "worse"
     assert low.headline == (
-        "At 60 rpm, no controller holds the speed from 8 to 10 s: PI as published mean 30 of 60 rpm, "
-        "PI re-tuned mean 0 of 60 rpm, PI-ILC speed not finite."
+        "At 60 r/min, no controller holds the speed from 8 to 10 s: PI as published mean 30 of 60 r/min, "
+        "PI re-tuned mean 0 of 60 r/min, PI-ILC speed not finite."
     )
 
 
@@ -567,7 +574,7 @@ def test_verdict_is_about_what_the_baseline_has(made):
     ]
     low = verdicts(replace(other, runs=runs))[0]
     assert low.tone == "better" and low.headline.endswith(
-        "of speed error, 8.74 times less than PI as published (3.47 rpm)."
+        "of speed error, 8.74 times less than PI as published (3.47 r/min)."
     )
     assert "nothing to compare" not in " ".join(low.details)
 
@@ -592,17 +599,17 @@ def test_a_miss_names_its_window_and_one_before_the_verdicts_is_none(made):
     slow = with_speed_until(made, "pi-ilc", 0.5, 2.0)
     early = RMS.replace("speed_error", "speed_early") + 'window = ["0.5 s", "2 s"]'
     results = ripple_of(slow, RMS + 'last = "2 s"', early)
-    assert misses(compare(results, "low-speed")) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 rpm"}
+    assert misses(compare(results, "low-speed")) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 r/min"}
     low = verdicts(results)[0]
-    assert low.headline.startswith("At 60 rpm, PI-ILC leaves") and "hold" not in " ".join(low.details)
+    assert low.headline.startswith("At 60 r/min, PI-ILC leaves") and "hold" not in " ".join(low.details)
     # of several the one that ends last is told
     inner = RMS.replace("speed_error", "speed_inner") + 'window = ["1 s", "1.5 s"]'
     for both in ((early, inner), (inner, early)):
         lines = compare(ripple_of(slow, *both), "low-speed")
-        assert misses(lines) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 rpm"}
+        assert misses(lines) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 r/min"}
     # where that's the window of the verdict, it counts
     low = verdicts(ripple_of(slow, early))[0]
-    assert "PI-ILC did not hold the speed in speed early, 0.5 to 2 s: mean 30 of 60 rpm." in low.details
+    assert "PI-ILC did not hold the speed in speed early, 0.5 to 2 s: mean 30 of 60 r/min." in low.details
 
 
 def with_speed_until(results, controller, share, time):
@@ -670,8 +677,8 @@ def test_the_verdict_names_the_monitor_where_it_stopped_the_drive():
     runs = [simulate(study, "walk", controller) for controller in ("pi", "pi-ilc")]
     runs = [replace(run, metrics=measure(study, "walk", run.trace)) for run in runs]
     found = verdicts(Results(study, runs))[0]
-    assert found.headline.startswith("At 90 rpm, no controller holds the speed from")
-    assert "PI mean 0 of 90 rpm (the monitor has the output off" in found.headline
+    assert found.headline.startswith("At 90 r/min, no controller holds the speed from")
+    assert "PI mean 0 of 90 r/min (the monitor has the output off" in found.headline
     assert "angle stuck, status bit 64)" in found.headline
 
 
@@ -942,7 +949,7 @@ def test_page_data(page):
 
 
 def test_page_data_are_the_rows_of_the_runs(made, page):
-    """At 60 rpm a revolution takes a second; rows are 0.2 ms apart, and 10 s of them are drawn in 20,000."""
+    """At 60 r/min a revolution takes a second; rows are 0.2 ms apart, 10 s of them are drawn in 20,000."""
     shown = data_of(page)
     assert shown["controllers"] == [
         {"label": "PI as published", "colour": 0}, {"label": "PI re-tuned", "colour": 1},

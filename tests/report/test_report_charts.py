@@ -176,7 +176,7 @@ def test_a_waterfall_is_sorted_by_speed_and_ends_with_the_last_order_of_any_run(
     assert markup.unpack(second["values"]) == pytest.approx([0, 0, 9, 0, 0, 1], abs=1e-4)
     charts = order_charts.tracking(results, [], swept)
     assert [(c["title"], c["x"], c["along"]) for c in charts] == [
-        (f"Order {n} of the mechanical revolution", "speed (rpm)", [10.0, 30.0]) for n in (1, 3)
+        (f"Order {n} of the mechanical revolution", "speed (r/min)", [10.0, 30.0]) for n in (1, 3)
     ]
     assert [series["values"] for series in charts[1]["series"]] == [[0, 0], [9, 1]]
     still = order_charts.Tracked(np.array([1.0, 2.0]), np.array([3.0, 3.0]), {0: amplitudes})

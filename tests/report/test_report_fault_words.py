@@ -109,8 +109,8 @@ def test_the_ripple_is_compared_with_that_of_a_run_without_the_fault_if_there_is
     assert room._outcome(told, [run_of(replace(USUAL, ripple_after=3 * RPM))]) == ("even", more)
     sentence = room._sentence(told, run_of(USUAL), replace(USUAL, largest_current=None))
     assert sentence.replace("\N{NO-BREAK SPACE}", " ") == (
-        "no check trips; speed off by up to 2.00 rpm; "
-        "ripple 1.00 before, 1.00 after, 2.00 without the fault (rpm)."
+        "no check trips; speed off by up to 2.00 r/min; "
+        "ripple 1.00 before, 1.00 after, 2.00 without the fault (r/min)."
     )
 
 

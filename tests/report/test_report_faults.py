@@ -81,11 +81,11 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
     sentence = said["pi"].replace("\N{NO-BREAK SPACE}", " ")
     assert sentence.startswith("check trips at once (angle missing); output safe for 2")
     assert re.search(
-        r"speed off by up to [\d.]+ rpm; ripple .* before, .* after, .* without the fault", sentence
+        r"speed off by up to [\d.]+ r/min; ripple .* before, .* after, .* without the fault", sentence
     )
     assert re.search(r"largest current [\d.]+ A of 3 A\.$", sentence)
     assert "learning" not in sentence  # a PI doesn't
-    assert found.details[0].startswith("At 600 rpm, ")  # the comparison follows
+    assert found.details[0].startswith("At 600 r/min, ")  # the comparison follows
 
 
 def test_nothing_broken_nothing_said(made):
@@ -140,10 +140,10 @@ def test_a_rotor_that_stands_afterwards_has_no_small_ripple(made):
     found = verdict_on(replace(made, runs=[stalled(run) for run in made.runs]))
     assert found.tone == "worse"
     assert (
-        "Afterwards the speed is not held: pi (mean 0 of 600 rpm), fair (mean 0 of 600 rpm)."
+        "Afterwards the speed is not held: pi (mean 0 of 600 r/min), fair (mean 0 of 600 r/min)."
         in found.headline
     )
-    assert "afterwards mean 0 of 600 rpm" in dict(found.told[0].sentences)["pi"]
+    assert "afterwards mean 0 of 600 r/min" in dict(found.told[0].sentences)["pi"]
 
 
 def test_many_faults(many):
@@ -171,7 +171,7 @@ def test_many_faults(many):
             {"not_learning": 0.5, "saturated": 0.25},
             "learning paused for 0.5 s; output at its limit for 0.25 s",
         ),
-        ({"largest_error": 2 * np.pi}, "speed off by up to 60.0 rpm"),
+        ({"largest_error": 2 * np.pi}, "speed off by up to 60.0 r/min"),
         ({"largest_error": np.inf}, "speed off by up to not finite rpm"),
         ({"noticed_after": None}, "no check trips"),
         ({"noticed_after": 0.08, "noticed": ("stuck", "speed")}, "check trips after 80 ms (stuck, speed)"),

@@ -74,7 +74,7 @@ def told(results, *arguments, **keys):
 def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results):
     with_them = replace(results, limits={"turn": limits([("sensor-steps", 1.0)])})
     (verdict,) = verdicts(with_them)
-    would = "instead of 10.0 rpm it would leave 1.00 rpm without the position sensor's steps"
+    would = "instead of 10.0 r/min it would leave 1.00 r/min without the position sensor's steps"
     sentence = f"What limits “PI, high”: {would}."
     assert verdict.details[0] == sentence and sentence not in verdicts(results)[0].details
     page = render(with_them)
@@ -86,13 +86,16 @@ def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results
     ("causes", "words"),
     [
         ([("delay", 9.8), ("friction", 11.0)], ""),  # 4 % and less than nothing
-        ([("dead-time", 7.0), ("current-noise", 8.0)], "leave 7.00 rpm without dead time and 8.00 rpm"),
-        ([("sensor-steps", 3.0), ("sensor-error", 3.0)], "without the position sensor's steps and 3.00 rpm"),
+        ([("dead-time", 7.0), ("current-noise", 8.0)], "leave 7.00 r/min without dead time and 8.00 r/min"),
+        (
+            [("sensor-steps", 3.0), ("sensor-error", 3.0)],
+            "without the position sensor's steps and 3.00 r/min",
+        ),
         (
             [("disturbance", 1.0), ("learning-time", 1.5)],
-            "What limits “PI, high”: instead of 10.0 rpm it would leave 1.50 rpm in a longer run.",
+            "What limits “PI, high”: instead of 10.0 r/min it would leave 1.50 r/min in a longer run.",
         ),
-        ([("disturbance", 1.0), ("delay", 8.0)], "1.00 rpm without any torque ripple"),
+        ([("disturbance", 1.0), ("delay", 8.0)], "1.00 r/min without any torque ripple"),
     ],
 )
 def test_causes_with_a_clear_share_are_named(results, causes, words):
@@ -103,7 +106,7 @@ def test_causes_with_a_clear_share_are_named(results, causes, words):
 def test_two_causes_of_which_each_covers_the_other_are_named_as_a_pair(results):
     pair = [("sensor-steps + disturbance", 2.0), ("delay", 9.4), ("sensor-steps + delay", 9.0)]
     assert told(results, pair) == (
-        "What limits “PI, high”: instead of 10.0 rpm it would leave 2.00 rpm without both the position "
+        "What limits “PI, high”: instead of 10.0 r/min it would leave 2.00 r/min without both the position "
         "sensor's steps and torque ripple."
     )
 
@@ -120,11 +123,11 @@ def test_the_best_setting_is_told_and_a_part_only_if_it_leaves_clearly_less(resu
     observed = f'{key}.speed_method = "observer" and {key}.observer_bandwidth = "50 Hz"'
     table = f"{observed} and without {key}.window"
     assert told(results, cause, [(bits, 1.0, False), (observer, 4.0, True)]).endswith(
-        f"Tried: with {table} it leaves 4.00 rpm; with drive.position_sensor.bits = 14 "
-        "(AS5047P, AS5048A, MT6701) it leaves 1.00 rpm."
+        f"Tried: with {table} it leaves 4.00 r/min; with drive.position_sensor.bits = 14 "
+        "(AS5047P, AS5048A, MT6701) it leaves 1.00 r/min."
     )
     many = told(results, cause, [({"drive.position_sensor.bits": 20}, 1.0, False)])
-    assert "bits = 20 (more than any chip that `cogless new` knows) it leaves 1.00 rpm." in many
+    assert "bits = 20 (more than any chip that `cogless new` knows) it leaves 1.00 r/min." in many
     assert "bits" not in told(results, cause, [(bits, 3.9, False), (observer, 4.0, True)])
     assert "Tried" not in told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
 
@@ -133,7 +136,7 @@ def test_what_a_change_costs_is_told(results):
     made = limits([("sensor-steps", 1.0)], [({"drive.position_sensor.bits": 14}, 1.0, False)])
     costly = replace(made, cures=[replace(made.cures[0], costs={"dip_rad_s": 2.0, "loss_W": 1.6})])
     sentence = str(limit(replace(results, limits={"turn": costly}), "turn"))
-    assert sentence.endswith("it leaves 1.00 rpm, but 2.00 times the dip_rad_s.")
+    assert sentence.endswith("it leaves 1.00 r/min, but 2.00 times the dip_rad_s.")
 
 
 @pytest.mark.parametrize(

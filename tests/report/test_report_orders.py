@@ -71,7 +71,7 @@ def test_the_strongest_orders_are_followed_over_the_speed(run_up):
     runs = runs_in(run_up, "low-speed")
     found = order_charts.tracked(run_up, runs)
     charts = order_charts.tracking(run_up, runs, found)
-    assert found.sweeps and charts[0]["x"] == "speed (rpm)"
+    assert found.sweeps and charts[0]["x"] == "speed (r/min)"
     chart = next(c for c in charts if c["title"].startswith(f"Order {UPRIGHT} "))
     assert chart["series"][0]["values"] == pytest.approx([0.5] * len(chart["along"]), rel=0.1)
 

@@ -177,25 +177,27 @@ def test_where_the_sensor_dominates_all_are_compared_by_what_they_see(ripples):
     found = verdicts(with_sensor(ripples, {"pi": 0.999, "fair-pi": 0.9, "pi-ilc": 0.9}))[0]
     assert found.tone == "worse"
     assert (
-        "no controller beats PI as published: it leaves 0.0118 rpm of speed ripple as meas" in found.headline
+        "no controller beats PI as published: it leaves 0.0118 r/min of speed ripple as "
+        "meas" in found.headline
     )
-    assert found.details[0].endswith("PI-ILC 1.57 rpm (99 %), PI re-tuned 5.17 rpm (99 %) and PI as "
-                                     "published 11.8 rpm (100 %).")  # fmt: skip
+    assert found.details[0].endswith("PI-ILC 1.57 r/min (99 %), PI re-tuned 5.17 r/min (99 %) and PI as "
+                                     "published 11.8 r/min (100 %).")  # fmt: skip
     assert "speed ripple (" not in " ".join(found.details[1:])  # nor is the true one a cost
 
 
 def test_where_it_dominates_some_the_true_error_decides(ripples):
     found = verdicts(with_sensor(ripples, {"pi-ilc": 0.98, "pi": 0.01, "fair-pi": 0.01}))[0]
-    assert found.headline.startswith("At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less")
+    assert found.headline.startswith("At 60 r/min, PI-ILC leaves 1.57 r/min of speed ripple, 7.52 times less")
     assert found.details[0].endswith(
-        "(its share of the square): PI-ILC 1.57 rpm (100 %). As measured there is left: PI-ILC 0.0314 rpm."
+        "(its share of the square): PI-ILC 1.57 r/min (100 %). As measured there is left: PI-ILC "
+        "0.0314 r/min."
     )
 
 
 def test_of_one_controller(ripples):
     alone = Results(ripples.study, [run for run in ripples.runs if run.controller == "pi-ilc"])
     found = verdicts(with_sensor(alone, {"pi-ilc": 0.98}))[0]
-    assert found.headline == "At 60 rpm, speed ripple: PI-ILC 1.57 rpm."
+    assert found.headline == "At 60 r/min, speed ripple: PI-ILC 1.57 r/min."
     assert found.details[1].startswith("Most of the true speed ripple is the sensor's own error")
 
 

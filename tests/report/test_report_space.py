@@ -255,7 +255,7 @@ def test_speeds_and_angles_in_the_units_of_the_study(made):
     assert {s["label"] for s in drawn["criterion"][0]["series"]} == {"1.91 rpm", "3.82 rpm"}
     (found,) = verdicts(results)
     words = found.headline + " ".join(found.details)
-    assert "rad" not in words and "at 2.45 rpm" in words
+    assert "rad" not in words and "at 2.45 r/min" in words
     warned = " ".join(map(str, warnings(study, "printed")))
     assert "2.45 rpm" in warned and "rad/s" not in warned
 

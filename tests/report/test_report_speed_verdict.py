@@ -27,7 +27,7 @@ def study(tmp_path_factory):
 
 
 def line(name="speed_ripple", kind="ripple-rms", missed=(), unlearned=(), **more):
-    """A line with the values of `NAMES`; those that `missed` had 0 rpm, from 8 to 10 s."""
+    """A line with the values of `NAMES`; those that `missed` had 0 r/min, from 8 to 10 s."""
     values = {long: more.pop(short) for short, long in NAMES.items() if short in more}
     about = {"signal": "omega_m", "order": None, "frame": "mechanical", "better": "lower", "unit": "rpm"}
     about |= {"span": (8.0, 10.0)} | more
@@ -35,7 +35,7 @@ def line(name="speed_ripple", kind="ripple-rms", missed=(), unlearned=(), **more
         name,
         kind,
         values=values,
-        missed={NAMES[short]: "mean 0 of 60 rpm" for short in missed},
+        missed={NAMES[short]: "mean 0 of 60 r/min" for short in missed},
         unlearned={NAMES[short]: "its gain is 0" for short in unlearned},
         **about,
     )
@@ -50,7 +50,7 @@ def other(name, **more):
 
 
 def case(study, *lines, worsened=()):
-    return room._Case(study, "At 60 rpm", lines, lines[0], {NAMES[short]: 4.0 for short in worsened})
+    return room._Case(study, "At 60 r/min", lines, lines[0], {NAMES[short]: 4.0 for short in worsened})
 
 
 @pytest.mark.parametrize(
@@ -58,77 +58,80 @@ def case(study, *lines, worsened=()):
     [
         (
             {"pi": 1, "fair": 2, "missed": ["pi", "fair"]}, (), "worse",
-            f"no controller holds the speed from 8 to 10 s: {PI} mean 0 of 60 rpm, {FAIR} mean 0 of 60 rpm.",
+            f"no controller holds the speed from 8 to 10 s: {PI} mean 0 of 60 r/min, {FAIR} mean 0 "
+            f"of 60 r/min.",
         ),
-        ({"ilc": 1}, (), "even", f"speed ripple: {ILC} 1.00 rpm."),
-        ({"pi": 1}, (), "even", f"speed ripple: {PI} 1.00 rpm."),
-        ({"ilc": 1, "fair": 2}, (), "even", f"speed ripple: {FAIR} 2.00 rpm and {ILC} 1.00 rpm."),
-        ({"pi": None, "ilc": 1}, (), "even", f"speed ripple: {PI} not finite and {ILC} 1.00 rpm."),
+        ({"ilc": 1}, (), "even", f"speed ripple: {ILC} 1.00 r/min."),
+        ({"pi": 1}, (), "even", f"speed ripple: {PI} 1.00 r/min."),
+        ({"ilc": 1, "fair": 2}, (), "even", f"speed ripple: {FAIR} 2.00 r/min and {ILC} 1.00 r/min."),
+        ({"pi": None, "ilc": 1}, (), "even", f"speed ripple: {PI} not finite and {ILC} 1.00 r/min."),
         ({"pi": None, "ilc": None}, (), "even", f"speed ripple: {PI} not finite and {ILC} not finite."),
         (
             {"pi": 1, "ilc": 0.5, "missed": ["ilc"]}, (), "worse",
-            f"only {PI} holds the speed: it leaves 1.00 rpm of speed ripple.",
+            f"only {PI} holds the speed: it leaves 1.00 r/min of speed ripple.",
         ),
         (
             {"pi": 1, "ilc": 0.5, "unlearned": ["ilc"]}, (), "even",
-            f"nothing was learned: {ILC} 0.500 rpm and {PI} 1.00 rpm of speed ripple.",
+            f"nothing was learned: {ILC} 0.500 r/min and {PI} 1.00 r/min of speed ripple.",
         ),
         (
             {"pi": 1, "ilc": 2}, ["ilc"], "worse",
-            f"no controller stays better than {PI}: it leaves 1.00 rpm of speed ripple.",
+            f"no controller stays better than {PI}: it leaves 1.00 r/min of speed ripple.",
         ),
         (
             {"pi": 1, "ilc": 2, "fair": 3, "unlearned": ["fair"]}, ["ilc"], "worse",
-            f"no controller stays better than {PI}: it leaves 1.00 rpm of speed ripple.",
+            f"no controller stays better than {PI}: it leaves 1.00 r/min of speed ripple.",
         ),
         (
             {"pi": 9, "ilc": 1, "fair": 2, "missed": ["pi"]}, (), "better",
-            f"{ILC} leaves 1.00 rpm of speed ripple; "
-            f"{PI} did not hold the speed (mean 0 of 60 rpm, 8 to 10 s).",
+            f"{ILC} leaves 1.00 r/min of speed ripple; "
+            f"{PI} did not hold the speed (mean 0 of 60 r/min, 8 to 10 s).",
         ),
         (
             {"pi": 1, "ilc": 1.05}, (), "even",
-            f"all are alike: {PI} 1.00 rpm and {ILC} 1.05 rpm of speed ripple.",
+            f"all are alike: {PI} 1.00 r/min and {ILC} 1.05 r/min of speed ripple.",
         ),
         (
             {"pi": 1, "ilc": 1.05, "fair": 1, "missed": ["fair"]}, (), "even",
-            f"{PI} and {ILC} tie: they leave 1.00 rpm and 1.05 rpm of speed ripple.",
+            f"{PI} and {ILC} tie: they leave 1.00 r/min and 1.05 r/min of speed ripple.",
         ),
         (
             {"pi": 1, "fair": 2, "ilc": 3}, (), "worse",
-            f"no controller beats {PI}: it leaves 1.00 rpm of speed ripple; "
-            f"the next, {FAIR}, 2.00 rpm (worse: 2.00 times as much).",
+            f"no controller beats {PI}: it leaves 1.00 r/min of speed ripple; "
+            f"the next, {FAIR}, 2.00 r/min (worse: 2.00 times as much).",
         ),
         (
             {"pi": 2, "fair": 1.5, "ilc": 1}, (), "better",
-            f"{ILC} leaves 1.00 rpm of speed ripple, 2.00 times less than {PI} (2.00 rpm).",
+            f"{ILC} leaves 1.00 r/min of speed ripple, 2.00 times less than {PI} (2.00 r/min).",
         ),
         (
             {"pi": 2, "fair": 1.04, "ilc": 1}, (), "even",
-            f"{ILC} and {FAIR} tie: they leave 1.00 rpm and 1.04 rpm of speed ripple, "
-            f"about 2.00 times less than {PI} (2.00 rpm).",
+            f"{ILC} and {FAIR} tie: they leave 1.00 r/min and 1.04 r/min of speed ripple, "
+            f"about 2.00 times less than {PI} (2.00 r/min).",
         ),
-        ({"pi": 2, "ilc": 0}, (), "better", f"{ILC} leaves 0 rpm of speed ripple, against {PI} (2.00 rpm)."),
+        ({"pi": 2, "ilc": 0}, (), "better", f"{ILC} leaves 0 r/min of speed ripple, against {PI} "
+        f"(2.00 r/min)."),
         (
             {"pi": 2, "ilc": 0, "fair": 0}, (), "even",
-            f"{FAIR} and {ILC} tie: they leave 0 rpm and 0 rpm of speed ripple, against {PI} (2.00 rpm).",
+            f"{FAIR} and {ILC} tie: they leave 0 r/min and 0 r/min of speed ripple, against {PI} "
+            f"(2.00 r/min).",
         ),
     ],
 )  # fmt: skip
 def test_the_first_sentence(study, given, worsened, tone, said):
-    assert room._headline(case(study, line(**given), worsened=worsened)) == (tone, f"At 60 rpm, {said}")
+    assert room._headline(case(study, line(**given), worsened=worsened)) == (tone, f"At 60 r/min, {said}")
 
 
 @pytest.mark.parametrize(
     ("off", "tone", "said"),
     [
-        (1.02, "even", f"as much as with learning off (1.02 rpm): its feedback, not its learning, leaves "
-         f"2.00 times less than {PI} (2.00 rpm)."),
-        (0.8, "worse", f"1.25 times as much as with learning off (0.800 rpm): its feedback, not its "
-         f"learning, leaves 2.00 times less than {PI} (2.00 rpm)."),
-        (4.0, "better", f"2.00 times less than {PI} (2.00 rpm) and 4.00 times less than with learning off "
-         "(4.00 rpm)."),
-        (None, "better", f"2.00 times less than {PI} (2.00 rpm) and with learning off it does not hold the "
+        (1.02, "even", f"as much as with learning off (1.02 r/min): its feedback, not its learning, leaves "
+         f"2.00 times less than {PI} (2.00 r/min)."),
+        (0.8, "worse", f"1.25 times as much as with learning off (0.800 r/min): its feedback, not its "
+         f"learning, leaves 2.00 times less than {PI} (2.00 r/min)."),
+        (4.0, "better", f"2.00 times less than {PI} (2.00 r/min) and 4.00 times less than with learning off "
+         "(4.00 r/min)."),
+        (None, "better", f"2.00 times less than {PI} (2.00 r/min) and with learning off it does not hold the "
          "speed."),
     ],
 )  # fmt: skip
@@ -138,7 +141,7 @@ def test_the_best_law_stands_beside_itself_with_learning_off(study, off, tone, s
     value = None if off is None else off * np.pi / 30
     beside = LearningOff("low-speed", "pi-ilc", result_name(metric), None, "omega_m", value)
     of_learning = replace(case(study, line(pi=2, ilc=1)), off=beside)
-    start = f"At 60 rpm, {ILC} leaves 1.00 rpm of speed ripple, "
+    start = f"At 60 r/min, {ILC} leaves 1.00 r/min of speed ripple, "
     assert room._headline(of_learning) == (tone, start + said)
     measured = replace(of_learning, off=replace(beside, signal="omega_measured"))
     assert room._headline(measured) == room._headline(case(study, line(pi=2, ilc=1)))
@@ -147,11 +150,11 @@ def test_the_best_law_stands_beside_itself_with_learning_off(study, off, tone, s
 def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):
     dip = line("dip", "dip", pi=4, fair=2.04, ilc=2)
     assert room._headline(case(study, dip))[1] == (
-        f"At 60 rpm, {ILC} and {FAIR} tie: they are thrown off by 2.00 rpm and 2.04 rpm (dip), about "
-        f"2.00 times less than {PI} (4.00 rpm)."
+        f"At 60 r/min, {ILC} and {FAIR} tie: they are thrown off by 2.00 r/min and 2.04 r/min (dip), about "
+        f"2.00 times less than {PI} (4.00 r/min)."
     )
     assert (
-        "PI-ILC is thrown off by 2.00 rpm (dip)"
+        "PI-ILC is thrown off by 2.00 r/min (dip)"
         in room._headline(case(study, replace(dip, values={"pi": 4.0, "pi-ilc": 2.0})))[1]
     )
 
@@ -211,7 +214,7 @@ def test_what_a_speed_is_judged_by():
         (
             lambda run: 0 * run.trace.time,
             lambda run: 1e-3 * np.sin(run.trace.time),
-            "At 0 rpm, no speed is judged: the reference is at rest.",
+            "At 0 r/min, no speed is judged: the reference is at rest.",
         ),
     ],
 )
@@ -254,17 +257,18 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
     orders = [order(1, pi=1, fair=1, ilc=9), order(6, pi=5, fair=2, ilc=1), order(7, signal="tau_e", pi=9)]
     told = room._strongest_order(case(study, line(pi=3, fair=2, ilc=1), *orders))
     assert (
-        told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 rpm, {FAIR} 2.00 rpm and {PI} 5.00 rpm."
+        told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 r/min, {FAIR} 2.00 r/min and "
+        f"{PI} 5.00 r/min."
     )
     lacking = [order(6, pi=5, ilc=1), order(1, pi=1, fair=1, ilc=9)]
     told = room._strongest_order(case(study, line(pi=3, fair=2, ilc=1), *lacking))
-    assert told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 rpm and {PI} 5.00 rpm."
+    assert told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 r/min and {PI} 5.00 r/min."
     behind = line(pi=1, fair=2, ilc=3)
     assert room._strongest_order(case(study, behind, *orders)).endswith(
-        f": {PI} 5.00 rpm and {FAIR} 2.00 rpm."
+        f": {PI} 5.00 r/min and {FAIR} 2.00 r/min."
     )
-    lost = room._strongest_order(case(study, replace(behind, missed={"pi": "mean 0 of 60 rpm"}), *orders))
-    assert lost == f"Of the strongest order, 1 (mechanical): {FAIR} 1.00 rpm and {ILC} 9.00 rpm."
+    lost = room._strongest_order(case(study, replace(behind, missed={"pi": "mean 0 of 60 r/min"}), *orders))
+    assert lost == f"Of the strongest order, 1 (mechanical): {FAIR} 1.00 r/min and {ILC} 9.00 r/min."
     assert [one.order for one in room._orders([order(1, pi=0.0), order(2, pi=0.5)], "pi")] == [2, 1]
     for nothing in (
         case(study, other("torque", pi=1, ilc=2), *orders),
@@ -280,9 +284,10 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
     [
         (
             {"pi": 3, "fair": 2, "ilc": 1},
-            f"{ILC} has 2.00 times less than the best without learning, {FAIR} (2.00 rpm).",
+            f"{ILC} has 2.00 times less than the best without learning, {FAIR} (2.00 r/min).",
         ),
-        ({"pi": 3, "fair": 1, "ilc": 2}, f"{FAIR} doesn't learn; the best that does is {ILC} with 2.00 rpm."),
+        ({"pi": 3, "fair": 1, "ilc": 2}, f"{FAIR} doesn't learn; the best that does is {ILC} with "
+        f"2.00 r/min."),
         ({"pi": 3, "fair": 1, "ilc": 1.04}, ""),  # they tie
         ({"pi": 1, "fair": 2, "ilc": 3}, ""),
         ({"pi": 2, "fair": 3, "ilc": 1}, ""),  # the headline has the baseline
@@ -358,11 +363,11 @@ def test_an_order_is_slight_below_a_twentieth_of_the_total(study, size, unit, to
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"pi": 2, "fair": 1.5, "ilc": 1}, f" against {PI}: {FAIR} 1.50 rpm (1.33 times less)."),
+        ({"pi": 2, "fair": 1.5, "ilc": 1}, f" against {PI}: {FAIR} 1.50 r/min (1.33 times less)."),
         ({"pi": 2, "fair": 1.04, "ilc": 1}, None),
-        ({"pi": 1, "fair": 2, "ilc": 3}, f" against {PI}: {ILC} 3.00 rpm (worse: 3.00 times as much)."),
-        ({"pi": 1, "fair": 2, "ilc": 1.04}, f" against {PI}: {FAIR} 2.00 rpm (worse: 2.00 times as much)."),
-        ({"pi": 2, "fair": 3, "ilc": 1, "missed": ["pi"]}, f": {FAIR} 3.00 rpm."),
+        ({"pi": 1, "fair": 2, "ilc": 3}, f" against {PI}: {ILC} 3.00 r/min (worse: 3.00 times as much)."),
+        ({"pi": 1, "fair": 2, "ilc": 1.04}, f" against {PI}: {FAIR} 2.00 r/min (worse: 2.00 times as much)."),
+        ({"pi": 2, "fair": 3, "ilc": 1, "missed": ["pi"]}, f": {FAIR} 3.00 r/min."),
     ],
 )  # fmt: skip
 def test_the_others_are_those_that_the_headline_leaves_out(study, given, said):
@@ -372,15 +377,15 @@ def test_the_others_are_those_that_the_headline_leaves_out(study, given, said):
 def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):
     """So is who missed it in another metric, if that one's window ends after this one's begins."""
     missed, lost = line(pi=1, ilc=2, fair=3, missed=["ilc"]), "did not hold the speed in"
-    window = "8 to 10 s: mean 0 of 60 rpm"
+    window = "8 to 10 s: mean 0 of 60 r/min"
     told = f"{ILC} {lost} speed ripple, {window}."
     assert room._failures(case(study, missed)) == [told]
     assert room._failures(case(study, replace(missed, span=None))) == [
-        f"{ILC} {lost} speed ripple: mean 0 of 60 rpm."
+        f"{ILC} {lost} speed ripple: mean 0 of 60 r/min."
     ]
     for span, words in (
         ((0.0, 8.0), []),
-        ((0.0, 8.5), [f"{FAIR} {lost} early, 0 to 8.5 s: mean 0 of 60 rpm."]),
+        ((0.0, 8.5), [f"{FAIR} {lost} early, 0 to 8.5 s: mean 0 of 60 r/min."]),
     ):
         early = line("early", missed=["fair"], span=span, fair=1)
         assert room._failures(case(study, missed, early)) == [*words, told]
@@ -408,11 +413,11 @@ def test_what_a_sensor_adds_of_its_own_is_told_where_it_is_most(study):
     own += " (its share of the square)"
     assert room._by_what_is_seen(whole, Sensor(seen, one), None) == (
         whole,
-        f"{own}: {ILC} 1.00 rpm (84 %). As measured there is left: {ILC} 0.400 rpm.",
+        f"{own}: {ILC} 1.00 r/min (84 %). As measured there is left: {ILC} 0.400 r/min.",
     )
     every = {"pi": 0.75, "pi-ilc": 0.84, "fair-pi": 0.51}
     judged, said = room._by_what_is_seen(whole, Sensor(seen, every), None)
-    assert said == f"{own}: {ILC} 1.00 rpm (84 %), {PI} 2.00 rpm (75 %) and {FAIR} 3.00 rpm (51 %)."
+    assert said == f"{own}: {ILC} 1.00 r/min (84 %), {PI} 2.00 r/min (75 %) and {FAIR} 3.00 r/min (51 %)."
     assert judged.line is seen and judged.lines == [seen, whole.lines[1]]
     alone = case(study, line(pi=2))
     assert room._by_what_is_seen(alone, Sensor(seen, {"pi": 0.75}), None)[0] is alone  # nothing to compare

@@ -98,7 +98,7 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
         ),
     ):
         line = replace(plain, values={**plain.values, name: times * plain.values[held.study.baseline]})
-        line = replace(line, missed={name: "mean 0 of 60 rpm"})
+        line = replace(line, missed={name: "mean 0 of 60 r/min"})
         (told,) = (one for one in held_back(held.study, [line]) if held.study.label(name) in one)
         assert f": {said}" in told and told.endswith(" (it learns orders 5 k)") is (times > 4)
 

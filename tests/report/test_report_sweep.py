@@ -263,7 +263,7 @@ def test_the_verdict_is_no_praise_where_the_limit_is_broken(
 
 
 def linear(folder: Path, **metric: Any) -> Sweep:
-    """A hundred variants whose ripple is 0.04, 0.08, ... 4 rpm with the PI, and half of it with PI-ILC."""
+    """A hundred variants whose ripple is 0.04, 0.08, ... 4 r/min with the PI, and half of it with PI-ILC."""
     sweep = made(folder, 100, lambda x, y: (x + 0.01) * 4 * np.pi / 30)
     sweep.values[:, 1, 0] = sweep.values[:, 0, 0] / 2
     if not metric:
@@ -284,17 +284,18 @@ def cells(text: str, kind: str) -> list[list[str]]:
 
 
 def test_the_answer_is_told_line_by_line(tmp_path: Path) -> None:
-    """The limit is 3 rpm: 75 of the 100 keep it, and all of those halved; Wilson's intervals beside."""
+    """The limit is 3 r/min: 75 of the 100 keep it, and all of those halved; Wilson's intervals beside."""
     sweep = linear(tmp_path)
     worst = int(np.argmax(sweep.values[:, 0, 0]))
     all_keep = "low: Ripple keeps its limit, of 100 variants: pi-ilc in 100 % and pi in 75.0 %."
     of_pi = (
-        "    pi: 75.0 % keep it (95 % sure: 65.7 % to 82.5 %); half at 2.00 rpm or better, 95 % at 3.80 rpm; "
-        f"worst 4.00 rpm (variant {worst})"
+        "    pi: 75.0 % keep it (95 % sure: 65.7 % to 82.5 %); half at 2.00 r/min or better, 95 % "
+        "at 3.80 r/min; "
+        f"worst 4.00 r/min (variant {worst})"
     )
-    rest = f"half at 1.00 rpm or better, 95 % at 1.90 rpm; worst 2.00 rpm (variant {worst})"
+    rest = f"half at 1.00 r/min or better, 95 % at 1.90 r/min; worst 2.00 r/min (variant {worst})"
     told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
-    assert told[:3] == [all_keep, "  ripple, at most 3.00 rpm", of_pi] and len(told) == 4
+    assert told[:3] == [all_keep, "  ripple, at most 3.00 r/min", of_pi] and len(told) == 4
     assert told[3].startswith("    pi-ilc: 100 % keep it (95 % sure: 96.3 % to ") and told[3].endswith(rest)
     broken = replace(sweep, errors={(3, 0): "no", (4, 1): "no"})
     more = report.write(broken, tmp_path / "report.html", lambda settings, pair: "")
@@ -302,7 +303,7 @@ def test_the_answer_is_told_line_by_line(tmp_path: Path) -> None:
 
 
 def test_a_variant_keeps_the_limits_if_it_keeps_all_of_them(tmp_path: Path) -> None:
-    """The ripple's limit is broken from 3 rpm on, the order's from 1 to 2: half of the variants keep both."""
+    """The ripple's limit is broken from 3 r/min on, the order's from 1 to 2: half the variants keep both."""
     sweep = linear(tmp_path)
     ripple, orders = sweep.study.metric
     study = sweep.study.model_copy(update={"metric": (ripple, orders.model_copy(update={"limit": 0.15}))})
@@ -312,7 +313,7 @@ def test_a_variant_keeps_the_limits_if_it_keeps_all_of_them(tmp_path: Path) -> N
     told = report.write(both, tmp_path / "report.html", lambda settings, pair: "")
     assert told[0] == "low: All limits are kept, of 100 variants: pi-ilc in 100 % and pi in 50.0 %."
     assert told[1::3] == [
-        "  ripple, at most 3.00 rpm",
+        "  ripple, at most 3.00 r/min",
         "  speed: order 24, at most 0.150 rad/s",
         "  speed: order 48, at most 0.150 rad/s",
     ]
@@ -322,7 +323,7 @@ def test_a_variant_keeps_the_limits_if_it_keeps_all_of_them(tmp_path: Path) -> N
 def test_no_controller_is_praised_where_most_variants_break_the_limit(
     tmp_path: Path, limit: float, tone: str
 ) -> None:
-    """Of 0.04, 0.08, ... 4 rpm half are below 2.02, and 49 of 100 below 1.98."""
+    """Of 0.04, 0.08, ... 4 r/min half are below 2.02, and 49 of 100 below 1.98."""
     sweep = linear(tmp_path, limit=limit * np.pi / 30)
     sweep.values[:, 1, 0] = sweep.values[:, 0, 0]
     assert f'<section class="answer {tone}"' in page(sweep, tmp_path)
@@ -351,16 +352,16 @@ def test_without_a_limit_the_spread_is_told_and_what_a_limit_would_tell(tmp_path
 
 
 def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:
-    """At least 3 rpm: of 0.04 to 4 rpm 26 of 100; half at 2.04 or better, 95 % at 0.24."""
+    """At least 3 r/min: of 0.04 to 4 r/min 26 of 100; half at 2.04 or better, 95 % at 0.24."""
     sweep = linear(tmp_path, better="higher")
     worst = int(np.argmin(sweep.values[:, 0, 0]))
     told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
     assert told[0].endswith("of 100 variants: pi in 26.0 % and pi-ilc in 0 %.")
-    assert told[1] == "  ripple, at least 3.00 rpm"
+    assert told[1] == "  ripple, at least 3.00 r/min"
     assert told[2].endswith(
-        f"half at 2.04 rpm or better, 95 % at 0.240 rpm; worst 0.0400 rpm (variant {worst})"
+        f"half at 2.04 r/min or better, 95 % at 0.240 r/min; worst 0.0400 r/min (variant {worst})"
     )
-    sweep.values[np.argsort(sweep.values[:, 0, 0])[1], 0, 0] = np.nan  # of 0.08 rpm
+    sweep.values[np.argsort(sweep.values[:, 0, 0])[1], 0, 0] = np.nan  # of 0.08 r/min
     text = page(sweep, tmp_path)
     data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
     (chart,) = data["scenarios"][0]["spreads"]
@@ -377,7 +378,7 @@ def test_tables_of_a_sweep(tmp_path: Path) -> None:
     numbers = cells(text, "numbers")
     assert numbers[:7] == [
         ["", "pi", "pi-ilc"],
-        ["ripple, at most 3.00 rpm", "", ""],
+        ["ripple, at most 3.00 r/min", "", ""],
         ["share that keeps the limit", "75.0 %", "99.0 %"],
         ["median", "2.00 rpm", "1.00 rpm"],
         ["95 % of variants", "3.80 rpm", "1.90 rpm"],

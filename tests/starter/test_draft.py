@@ -458,7 +458,7 @@ def test_a_number_far_from_the_class_is_doubted(
 
 def test_each_speed_is_a_scenario(tmp_path: Path) -> None:
     of = replace(
-        request("hub", "vesc", "as5048", **{**HUB, "speed": 5}), faster=parse_speeds(["40, 7.5 rpm"])
+        request("hub", "vesc", "as5048", **{**HUB, "speed": 5}), faster=parse_speeds(["40, 7.5 r/min"])
     )
     _, study = written(tmp_path, of)
     assert {name: s.top_reference * 30 / math.pi for name, s in study.scenario.items()} == {

@@ -338,11 +338,11 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
             "within 64.9 us"),
         ({"scenario.step.reference": "9000 rpm"},  # the fastest scenario counts
             f"{STEPS} 3 or more, since the highest order at the "
-            "9000 rpm of scenario.step.reference changes within 52.8 us; its voltage turns the motor at "
-            "6284 rpm without load, not at 9000"),
+            "9000 r/min of scenario.step.reference changes within 52.8 us; its voltage turns the motor at "
+            "6284 r/min without load, not at 9000"),
         ({"scenario.low.initial_speed": "-9000 rpm"},  # something else turns it that fast
             f"{STEPS} 4 or more, since the highest order at the "
-            "9000 rpm of scenario.low.initial_speed changes within 44.2 us"),
+            "9000 r/min of scenario.low.initial_speed changes within 44.2 us"),
         ({"mechanics.inertia": "1e-12 kg*m^2"},
             f"{STEPS} 257 or more, since the speed with the current "
             "(K_t, inertia, L) changes within 0.52 us"),

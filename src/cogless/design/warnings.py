@@ -349,9 +349,9 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     most = voltage_reach(own_study)
     if top_speed <= most or own_study.drive.inverter is None:
         return None
-    needs = f"its reference of {top_speed / RPM:.4g} rpm needs more voltage than there is"
+    needs = f"its reference of {top_speed / RPM:.4g} r/min needs more voltage than there is"
     volts = own_study.drive.inverter.bus_voltage
-    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm without load")
+    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} r/min without load")
 
 
 def coarse_table(study: Study) -> list[str]:

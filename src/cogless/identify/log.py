@@ -36,7 +36,7 @@ TURNED = 0.2  # rad rms
 IN_PROPORTION = 0.98  # cosine between two currents' amplitudes, from which their ratio counts, within 2 %
 AGREE = 1.5  # the speed by one over the speed by the other: a filter's lag or lost counts stay below it
 MISTAKEN: tuple[tuple[float, str, Cure], ...] = (
-    (30 / np.pi, 'the speed looks like rpm: unit = "rpm"', {"columns.omega.unit": "rpm"}),
+    (30 / np.pi, 'the speed looks like r/min: unit = "rpm"', {"columns.omega.unit": "rpm"}),
     (180 / np.pi, 'the speed looks like deg/s: unit = "deg/s"', {"columns.omega.unit": "deg/s"}),
     (np.pi / 180, 'the angle looks like degrees: unit = "deg"', {"columns.theta.unit": "deg"}),
     (1 / TURN, 'the speed looks like revolutions: unit = "rev/s"', {"columns.omega.unit": "rev/s"}),
@@ -593,7 +593,7 @@ def _electrical(identification: Identification) -> list[tuple[float, str, Cure]]
         (poles, f"the speed looks electrical: scale = 1/{poles}", cures["omega"]),
         (
             poles / RPM,
-            f'the speed looks like electrical rpm: unit = "rpm" and scale = 1/{poles}',
+            f'the speed looks like electrical r/min: unit = "rpm" and scale = 1/{poles}',
             {**cures["omega"], "columns.omega.unit": "rpm"},
         ),
     ]

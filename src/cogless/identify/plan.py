@@ -101,8 +101,9 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
         turning = sum(size for _, size in hills)
         if least > min(most / 3, with_load):
             raise StudyError(
-                f"{_voltage(study)}: expected more: cogging stops this rotor below {least * RPM:.3g} rpm, so "
-                f"the plan needs {3 * least * RPM:.3g} rpm, and the voltage reaches {most * RPM:.3g}"
+                f"{_voltage(study)}: expected more: cogging stops this rotor below "
+                f"{least * RPM:.3g} r/min, so "
+                f"the plan needs {3 * least * RPM:.3g} r/min, and the voltage reaches {most * RPM:.3g}"
             )
         v = max(v, 1.5 * least)  # at most half of what the voltage reaches
         slow = loaded = least / v
@@ -207,7 +208,8 @@ def lowered(study: AnyStudy) -> str:
     if study.drive.inverter is None or _top(played) < AT_LIMIT * most:
         return ""
     return (
-        f"The plan's speeds end at {most * RPM:.4g} rpm: beyond it {study.drive.inverter.bus_voltage:.4g} V "
+        f"The plan's speeds end at {most * RPM:.4g} r/min: beyond it "
+        f"{study.drive.inverter.bus_voltage:.4g} V "
         "do not drive the current that friction, cogging and turning around take."
     )
 

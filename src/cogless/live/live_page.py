@@ -40,7 +40,7 @@ from cogless.study.base import Kind
 from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS, Metric, whole_revolutions
 from cogless.study.reading import Changes
 from cogless.study.toml import sections, toml
-from cogless.units import NONE, factor
+from cogless.units import NONE, factor, spelled
 
 NO_LIMITS: Mapping[str, str] = {}
 NO_PINS: Changes = {}
@@ -232,7 +232,7 @@ def _trial_scenario(study: TrialStudy, scenario: str) -> dict[str, Any]:
 
 def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
     dimension = metric.dimension
-    unit = metric.unit or dimension.unit
+    unit = spelled(metric.unit or dimension.unit)
     orders = metric.order or (None,)
     words = metric.name.replace("_", " ")
     titles = [words if order is None else f"{words} {order:g}" for order in orders]

@@ -29,7 +29,7 @@ from cogless.study import Study
 from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
 from cogless.study.reading import Remark
-from cogless.units import ANGULAR_SPEED, TURN, factor
+from cogless.units import ANGULAR_SPEED, TURN, factor, spelled
 
 
 def unlearned(results: Results, run: Run) -> str | None:
@@ -144,7 +144,7 @@ class Line:
         return f"{' to '.join(times)} s" if times else ""
 
     def not_held(self, controller: str) -> str:
-        """When and by how much the speed was missed, such as "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
+        """When and by how much the speed was missed, such as "speed, 0.5 to 2 s: mean 52 of 56 r/min"."""
         place = ", ".join(part for part in (self._words, self.window) if part)
         return f"{place}: {self.missed[controller]}"
 
@@ -411,4 +411,4 @@ def factor_text(ratio: float) -> str:
 
 def pretty(unit: str) -> str:
     """A unit as it is printed, such as "N·m" for "N*m"."""
-    return unit.replace("*", "·").replace("^2", "²").replace("ohm", "Ω")
+    return spelled(unit).replace("*", "·").replace("^2", "²").replace("ohm", "Ω")

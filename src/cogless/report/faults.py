@@ -22,7 +22,7 @@ OVERSHOOT_MOST = 1.05  # largest current / its limit; more than a current loop's
 WORSE_RATIO = 1.25
 RIPPLE_SHARE_LEAST = 1e-4  # share of the speed; a smaller ripple is not called worse
 SPEED_SPREAD_MOST = 0.05  # largest relative difference of speeds at which two ripples are compared
-UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces at which a line must not break
+UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(r/min)"  # spaces at which a line must not break
 FAULTS_SHOWN = 3  # largest number of faults in a scenario's verdict; results.json has all
 
 

@@ -128,7 +128,7 @@ def span_of(results: Results, metric: Metric, run: Run) -> tuple[float, float] |
 
 
 def missed(run: Run, rows: slice, unit: str) -> str | None:
-    """How the speed missed its reference, such as "mean 0 of 60 rpm"; None if it was held.
+    """How the speed missed its reference, such as "mean 0 of 60 r/min"; None if it was held.
 
     It is missed only if it is off over all the rows and over their second half. So a start-up at the
     beginning doesn't count, nor does a slow ripple. Where the monitor stopped the drive, or most of that half

@@ -465,14 +465,14 @@ def learning_helps(case: _Case) -> LearningHelps | None:
 
 
 def _has(line: Line, values: str, several: bool = False) -> str:
-    """What a controller leaves, in words, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
+    """What a controller leaves, in words, such as "leaves 0.46 r/min of speed order 6 (electrical)"."""
     if line.kind == "dip":
         return f"{'are' if several else 'is'} thrown off by {values} ({line.quantity})"
     return f"{'leave' if several else 'leaves'} {values} of {line.quantity}"
 
 
 def _have(case: _Case) -> str:
-    """What the winners leave, such as "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
+    """What the winners leave, such as "A and B tie: they leave 0.46 r/min and 0.47 r/min of speed ripple"."""
     several, values = len(case.winners) > 1, listed([case.line.text(c) for c in case.winners])
     tie = " tie: they" if several else ""
     return f"{case.labels(case.winners)}{tie} {_has(case.line, values, several)}"
@@ -534,7 +534,7 @@ def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
 
 
 def _speed(results: Results, reference: float) -> str:
-    """A constant reference in words, such as "At 60 rpm"."""
+    """A constant reference in words, such as "At 60 r/min"."""
     unit = speed_unit(results)
     return f"At {convert(reference, unit, ANGULAR_SPEED):.4g} {pretty(unit)}"
 

@@ -363,7 +363,7 @@ def _name(column: Column) -> str:
 
 
 def _unit(column: Column) -> str:
-    return column.metric.unit or column.metric.dimension.unit
+    return units.spelled(column.metric.unit or column.metric.dimension.unit)
 
 
 def _factor(column: Column) -> float:

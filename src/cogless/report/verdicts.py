@@ -51,7 +51,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class LearningHelps:
-    """What learning does to the best law: the tone, and words such as "as much as with learning off (2 rpm)".
+    """What learning does to the best law: the tone, and words like "as much as with learning off (2 r/min)".
 
     `text`: what it leaves with learning off, with the unit. `value`: the same number, None if it does not
     hold the speed.

@@ -4,7 +4,7 @@ Tables for `cogless calibrate`: parameters of a study to fit, and target values 
 
 Tables `[vary]` and `[tune]`: how a study's values spread over an ensemble, and which gains to choose.
 
-Units in which speeds and angles are shown: a user who wrote rpm in his study reads rpm.
+Units in which speeds and angles are shown: a user who wrote rpm in his study reads r/min.
 """
 
 from __future__ import annotations
@@ -443,7 +443,8 @@ def spoken_unit(study: StudyBase, dimension: Dimension) -> str:
         return dimension.unit
     metrics = (m.unit for m in study.metric if m.unit and m.dimension == dimension)
     texts = (unit_of(text) for room in TOLD_IN for text in _texts(study.source.tables.get(room)))
-    return next(metrics, None) or next((u for u in texts if u and _fits(u, dimension)), dimension.unit)
+    spoken = next(metrics, None) or next((u for u in texts if u and _fits(u, dimension)), dimension.unit)
+    return units.spelled(spoken)
 
 
 def speed_text(study: StudyBase, omega_m: float, digits: int = 4) -> str:

@@ -181,7 +181,7 @@ class Motor(Table):
     r"""Torque per rms line current, $\sqrt2\, K_t$."""
     kv: SpeedConstant | None = None  # rad/s/V
     r"""No-load speed per peak voltage from line to line, $1/(\sqrt3\, p\, \psi_f)$ of the star equivalent:
-    $K_t = \frac{\sqrt3}{2}/k_v$. The "Kv" of hobby motors, in rpm per volt of the battery, is this."""
+    $K_t = \frac{\sqrt3}{2}/k_v$. The "Kv" of hobby motors, in r/min per volt of the battery, is this."""
     kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
     r"""Speed per rms voltage from line to line, $\sqrt2\, k_v$."""
     kv_phase_peak: SpeedConstant | None = None  # rad/s/V
@@ -191,7 +191,7 @@ class Motor(Table):
     K_e_line_to_line_peak: BackEmfConstant | None = None  # V*s/rad
     """Peak voltage from line to line per speed, $1/k_v$."""
     K_e_line_to_line_rms: BackEmfConstant | None = None  # V*s/rad
-    """Rms voltage from line to line per speed, often in V per 1000 rpm: write `"46 mV/rpm"` for 46 of those.
+    """Rms voltage from line to line per speed, often V per 1000 r/min: write `"46 mV/rpm"` for 46 of those.
     """
     K_e_phase_peak: BackEmfConstant | None = None  # V*s/rad
     r"""Peak voltage from line to star point per speed, $p\, \psi_f$."""

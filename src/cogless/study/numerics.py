@@ -30,7 +30,7 @@ def integration(study: Study) -> None:
     most, why = voltage_reach(study), ""
     if asked_top > most:
         reachable, reference = most / RPM, asked_top / RPM
-        why = f"; its voltage turns the motor at {reachable:.4g} rpm without load, not at {reference:.4g}"
+        why = f"; its voltage turns the motor at {reachable:.4g} r/min without load, not at {reference:.4g}"
     reached = min(asked_top, OVERMODULATION_MOST * most)
     top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(asked_top, asked))
     rates_of_plant = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
@@ -41,7 +41,7 @@ def integration(study: Study) -> None:
 
 def top_speed(omega_m: float, key: str) -> str:
     """What the top speed, rad/s, is, in a message. `key`: that has it, in the table of scenarios."""
-    return f"the {omega_m / RPM:.4g} rpm of scenario.{key}"
+    return f"the {omega_m / RPM:.4g} r/min of scenario.{key}"
 
 
 def no_load_speed(bus_voltage: float, motor: StarMotor, psi_f: float) -> float:

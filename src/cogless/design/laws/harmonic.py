@@ -229,7 +229,8 @@ class Certified:
             slow = f", order{of} too slow to be judged"
         swings = f" (uncertain: the feedback alone lets the speed swing by {100 * self.swing:.0f} % rms)"
         return (
-            f"at {self.omega_m / RPM:.4g} rpm those to {self.acting} learn at {self.rate:.3g} 1/s, settle at "
+            f"at {self.omega_m / RPM:.4g} r/min those to {self.acting} learn at {self.rate:.3g} "
+            f"1/s, settle at "
             f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
             f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
             f"(Re Gamma {self.gamma:.2f} or more), to {self.late} with an untold sample of delay"
@@ -260,13 +261,13 @@ class Certificate:
         if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
         phrases = [speed.words() for speed in self.speeds]
-        ends = [f"learns at up to {self.fastest / RPM:.4g} rpm"]
+        ends = [f"learns at up to {self.fastest / RPM:.4g} r/min"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
             ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
-            ends += [f"an eccentric sensor's error at up to {self.straight / RPM:.4g} rpm"]
+            ends += [f"an eccentric sensor's error at up to {self.straight / RPM:.4g} r/min"]
         return "; ".join([self.learner.order_words, *phrases, *ends])
 
 

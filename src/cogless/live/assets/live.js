@@ -358,7 +358,7 @@
         head.append(` did not hold the speed: ${gone.kind} ${number(rpm(gone.got))} of ${number(rpm(gone.wanted))} r/min.`);
         continue;
       }
-      const x = run.result.values[which] / metric.factor, words = metric.titles[0], unit = metric.unit.replace("rpm", "r/min");
+      const x = run.result.values[which] / metric.factor, words = metric.titles[0], unit = metric.unit;
       head.append(`: ${number(x)} ${unit} of ${words}`);
       if (off && off.missed[which]) {
         item.className = "better";
@@ -421,7 +421,7 @@
   }
   function drawAnswer() {
     const two = pair(), box = $("figures"), metric = scenario().metrics[judged()];
-    const unit = ofTrials ? scenario().judged.unit : (metric?.unit ?? "").replace("rpm", "r/min");
+    const unit = ofTrials ? scenario().judged.unit : (metric?.unit ?? "");
     box.textContent = "";
     box.parentElement.className = "answer";
     for (const { label, value, colour } of two) {
@@ -547,7 +547,7 @@
     const body = make("tbody", table);
     scenario().metrics.forEach((metric, m) => metric.titles.forEach((title, k) => {
       const row = make("tr", body);
-      make("th", row, metric.unit ? `${title} [${metric.unit.replace("rpm", "r/min")}]` : title).scope = "row";
+      make("th", row, metric.unit ? `${title} [${metric.unit}]` : title).scope = "row";
       const of = (result) => (result ? worst(metric, [].concat(result.values[m]).slice(...(metric.groups?.[k] ?? [k, k + 1]))) : undefined);
       for (const { c, off } of columns) {
         const x = of(found(c.name, off)), was = of(found(c.name, off, ghost));
