@@ -79,13 +79,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def check_replaceable(path: Path) -> None:
     """StudyError: `replacing` would fail, so that nothing is computed that can't be written."""
-    if os.path.exists(path) and not os.path.isfile(path):
-        if path.is_dir():
-            raise StudyError(f"{path}: is a directory: expected a file that can be written")
-        return
     try:
-        with tempfile.TemporaryFile(dir=Path(os.path.realpath(path)).parent):
-            pass
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if path.is_file() or not path.exists():  # what is no regular file is written in its own place
+            with tempfile.TemporaryFile(dir=Path(os.path.realpath(path)).parent):
+                pass
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
 

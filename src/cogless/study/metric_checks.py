@@ -119,9 +119,9 @@ def metrics(study: Study | TrialStudy) -> None:
 
 
 def known_signals(study: Study | TrialStudy) -> None:
-    """Check that metrics are of signals that a run has, and those of a carriage of a drive that has one."""
+    """Check that metrics are of signals that a run has, and that a carriage's metric has a belt."""
+    has_belt = study.mechanics is not None and study.mechanics.belt is not None
     for index, metric in enumerate(study.metric):
-        has_belt = study.mechanics is not None and study.mechanics.belt is not None
         if metric.kind == "carriage-ripple" and not has_belt:
             raise invalid("expected another, or a table mechanics.belt", "metric", index, "kind")
     named = {index: metric.signal for index, metric in enumerate(study.metric) if metric.signal}
