@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import trial_studies
 
 import studies
 from cogless import load
-from cogless.design.answers import ANSWER_VERDICTS, Answer, _rounded_time, answer
+from cogless.design.answers import Answer, AnswerVerdict, _rounded_time, answer
 from cogless.design.blocks import margin_words
 from cogless.design.closed_loop import Oscillation
 from cogless.design.learning_loop import Worst
@@ -41,7 +41,8 @@ def uomodri() -> Study:
 
 def words_of(study: Study, name: str, made: Design) -> str:
     said = answer(study, name, made)
-    assert said is not None and said.verdict in ANSWER_VERDICTS
+    assert said is not None and said.verdict in get_args(AnswerVerdict)
+    assert said.words.startswith((said.verdict, "it learn"))
     return said.words
 
 
@@ -144,9 +145,8 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
         ("it learns nothing; frozen", "no", "it learns nothing; frozen"),
     ],
 )
-def test_an_answer_has_a_verdict_and_its_reason(words: str, verdict: str, reason: str) -> None:
-    said = Answer(words)
-    assert (said.verdict, said.reason) == (verdict, reason)
+def test_an_answer_has_a_verdict_and_its_reason(words: str, verdict: AnswerVerdict, reason: str) -> None:
+    assert Answer(verdict, words).reason == reason
 
 
 @pytest.mark.parametrize(

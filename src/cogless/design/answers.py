@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from cogless import units
 from cogless.design.laws.harmonic import Certificate
@@ -28,27 +27,23 @@ CLAUSES: dict[Kind, str] = {
     "may grow": "it may grow",
     "may be unstable": "it may be unstable",
 }
-ANSWER_VERDICTS = ("yes", "not worth it", "not sure", "not judged", "no")
+AnswerVerdict = Literal["yes", "no", "not worth it", "not sure", "not judged"]
 
 
 @dataclass(frozen=True)
 class Answer:
     """Whether a controller's learning settles and is worth it."""
 
-    words: str  # begins with the verdict where there is one
+    verdict: AnswerVerdict  # "no" also where nothing is learned in a run
+    words: str  # the whole answer; begins with the verdict, but where nothing is learned
     settling: Sequence[Settling] = ()  # where it settles, at constant speeds
     left_out: Sequence[str] = ()  # what the drive has and the model of `settling` lacks
     remaining: Sequence[Remaining] = ()  # of `harmonic` on a sensor of counts, at constant speeds
 
     @property
-    def verdict(self) -> str:
-        """One of ANSWER_VERDICTS; "no" also where nothing is learned in a run."""
-        return next((one for one in ANSWER_VERDICTS if self.words.startswith(one)), "no")
-
-    @property
     def reason(self) -> str:
         """The words after the verdict."""
-        return re.sub(r"^[,:; ]*(because )?", "", self.words.removeprefix(self.verdict))
+        return self.words.removeprefix(self.verdict).lstrip(",:; ").removeprefix("because ")
 
 
 def to_dict(study: Study) -> dict[str, Any]:
@@ -104,46 +99,47 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
     if not law.learned:
         return None
     if not law.learns:
-        return Answer("it learned before the run, and doesn't learn in it")
+        return Answer("no", "it learned before the run, and doesn't learn in it")
     if design.certificate is not None:
         return _certified(study, name, design.certificate)
     if verdict is None:
-        return Answer("not judged: it is a law of the study's own")
+        return Answer("not judged", "not judged: it is a law of the study's own")
     if verdict.kind == "settles":
         harm = verdict.short().removeprefix("settles")
         rest = verdict.words().removeprefix(verdict.short())
         times, lacks = settling(study, name), left_out(study, name)
         reach = _reach(study, design.fastest)
-        return Answer(f"yes{_times(study, times, lacks)}{harm}{rest}{reach}", times, lacks)
+        return Answer("yes", f"yes{_times(study, times, lacks)}{harm}{rest}{reach}", times, lacks)
     if verdict.kind in CLAUSES:
-        return Answer(f"no, because {CLAUSES[verdict.kind]}{verdict.words().removeprefix(verdict.kind)}")
+        clause = f"{CLAUSES[verdict.kind]}{verdict.words().removeprefix(verdict.kind)}"
+        return Answer("no", f"no, because {clause}")
     if verdict.kind == "rests":
-        return Answer("; ".join(["it learns nothing", *verdict.frozen]))
-    return Answer(verdict.words())
+        return Answer("no", "; ".join(["it learns nothing", *verdict.frozen]))
+    return Answer("not judged", verdict.words())
 
 
 def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     """The answer for `harmonic`, of which the certificate speaks."""
     speeds = certificate.speeds
     if not speeds or all(speed.snaps is not None for speed in speeds):
-        return Answer(certificate.words())
+        return Answer("not judged", certificate.words())
     if certificate.fine:
         times, lacks = settling(study, name, certificate), left_out(study, name)
         reach = _reach(study, certificate.fastest)
         settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
         at_speeds = remaining(study, name, certificate)
-        return Answer(_beside_sensor(study, at_speeds, settles), times, lacks, at_speeds)
+        return Answer(*_beside_sensor(study, at_speeds, settles), times, lacks, at_speeds)
     bad = next(speed for speed in speeds if not speed.fine)
     at = speed_text(study, bad.omega_m)
     if bad.snaps is not None:
-        return Answer(f"no, because {bad.snaps}")
+        return Answer("no", f"no, because {bad.snaps}")
     if bad.gamma <= 0:
-        return Answer(f"no, because at {at} not all orders need converge where the inertia is 50 % off")
-    return Answer(f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
+        return Answer("no", f"no, because at {at} not all orders need converge where the inertia is 50 % off")
+    return Answer("no", f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
 
 
-def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> str:
-    """The answer for orders that settle, with what the position sensor leaves of it at some speed."""
+def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> tuple[AnswerVerdict, str]:
+    """Verdict and words for orders that settle, with what the position sensor leaves of it at some speed."""
     coarse = next((speed for speed in speeds if not speed.modelled), None)
     little = next((speed for speed in speeds if not speed.worth_it), None)
     if little is not None:
@@ -156,10 +152,10 @@ def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> s
         compared = f"it leaves {learned} of ripple, feedback alone {alone}"
         by = max(parts, key=lambda part: parts[part])
         answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most is by {by}"
-        return answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
+        return "not worth it", answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
     if coarse is None:
-        return settles
-    return f"not sure: {_too_coarse(study, coarse)}; a run tells. By small signals {settles}"
+        return "yes", settles
+    return "not sure", f"not sure: {_too_coarse(study, coarse)}; a run tells. By small signals {settles}"
 
 
 def _too_coarse(study: Study, coarse: Remaining) -> str:
