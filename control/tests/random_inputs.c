@@ -1498,7 +1498,7 @@ void random_inputs(long configs)
         {"trial", try_trial, 0x21fcec74U, 0x68eebc9bU},
         {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},
         {"quality", try_quality, 0xa29dc678U, 0x8fc9d407U},
-        {"drive", try_drive, 0xaee59596U, 0x8b480675U},
+        {"drive", try_drive, 0xaee59596U, 0x086996cfU},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
         {"harmonic", try_harmonic, 0xf86c57b1U, 0x22244692U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},

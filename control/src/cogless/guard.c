@@ -77,8 +77,8 @@ CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
     go_to(guard, learns ? CGL_GUARD_FORGET : CGL_GUARD_MUTE, 0U);
 }
 
-/* Leads to a test after a burst, two windows above the bar, or enough time. Time counts less while learning halves the ripple and has
- * not become worse since the last test. While the current loop falls short, only time counts, as learning need not be the cause. */
+/* Leads to a test after a burst, two windows above the bar, or enough time. Time counts less while learning halves the ripple and makes
+ * it no worse than in the last test. While the current loop falls short, only time counts, as learning need not be the cause. */
 CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real speed, bool loud)
 {
     if (guard->good >= guard->retry && guard->gentle > 1U) {
@@ -86,7 +86,7 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real spe
         guard->good = 0U;
     }
     const bool excused = guard->limited > guard->length / 8U;
-    const bool elsewhere = !cgl_is_within(speed - cgl_abs(guard->speed), CGL_R(0.25) * speed);
+    const bool elsewhere = guard->speed < CGL_REAL_MAX && !cgl_is_within(speed - cgl_abs(guard->speed), CGL_R(0.25) * speed);
     const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* A table that nobody learns acted while the bar was measured: test soon. */
     const uint32_t patience = (elsewhere || guard->patience == SOON) && guard->patience > soon ? soon : guard->patience;
     const bool gains = v < CGL_R(0.25) * guard->alone && !(v > BAR * guard->acting);
@@ -118,23 +118,24 @@ CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real v, const cgl_gua
     }
 }
 
-/* Judges a window of a test. Only a settled window may raise the bar. If the reference moved, the rotor stalls or the current loop fell
- * short, the parabola need not hold: then PART acquits only what helps, the bar stays as it is, and evidence counts half. */
+/* Judges a window of a test. Only a settled window may raise the bar. Where the reference moved, the rotor stalls or the current loop
+ * falls short, the parabola need not hold: the bar stays, and evidence counts half. In the last two cases PART acquits only what helps. */
 CGL_SELDOM static void judge_test(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool calm, bool stalls)
 {
     const cgl_real share = phase_share[guard->phase], bound = (v - share * guard->acting) / (CGL_R(1.0) - share);
     const bool part = share > CGL_R(0.0), harms = guard->acting > BAR * bound;
     const cgl_real alone = part ? larger(bound, guard->acting) : v;
     const bool moved = !cgl_is_within(in->omega_ref - guard->speed, CGL_R(0.1) * cgl_abs(guard->speed));
-    const bool unlike = moved || stalls || guard->limited > guard->length / 8U;
-    if (part && (harms || (unlike && !(v > BAR * guard->acting)))) {
+    const bool weak = stalls || guard->limited > guard->length / 8U, unlike = moved || weak;
+    if (part && (harms || (weak && !(v > BAR * guard->acting)))) {
         go_to(guard, CGL_GUARD_ALONE, 1U);
         return;
     }
-    if (!calm && (part ? alone > BAR * guard->alone : !harms)) {
+    if (!calm && (part ? alone > BAR * guard->alone && guard->acting > guard->alone : !harms)) {
         return;
     }
-    guard->alone = !unlike && (part || calm || v < guard->alone) ? alone : guard->alone;
+    guard->alone = !unlike && (calm || alone < BAR * guard->alone) ? alone : guard->alone;
+    guard->speed = moved ? CGL_REAL_MAX : guard->speed;
     if (part || !harms) {
         guard->patience = guard->patience < RARE ? 2U * guard->patience : RARE;
         guard->evidence = 0U;
@@ -205,8 +206,7 @@ CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, b
     guard->length = 0U;
 }
 
-/* Moves the share to that of the phase between two windows. A rotor at its reference in the very first sample has no run-up, so the law
- * may learn at once. */
+/* Moves the share to that of the phase between two windows. A rotor at its reference in the very first sample has no run-up: it learns. */
 CGL_SELDOM static void fade_share(cgl_guard *guard, const cgl_guard_input *in)
 {
     const bool first = guard->phase == (uint8_t)CGL_GUARD_START && !(guard->ripple < CGL_REAL_MAX);

@@ -73,7 +73,8 @@ typedef struct {
     cgl_real acting;    /* P(1) of the last HOLD [rad^2/s^2] */
     cgl_real alone;     /* the bar: P(0), or the bound that PART gives; 0: unknown [rad^2/s^2] */
     cgl_real noise;     /* mean of the squares in `fast` when last nothing learned acted [rad^2/s^2] */
-    cgl_real speed;     /* reference of the speed when P(1) was measured [rad/s] */
+    cgl_real speed;     /* reference of the speed when P(1) was measured [rad/s]. CGL_REAL_MAX: it moved in the test, and another
+                           speed is no reason to test again soon */
     uint32_t age;       /* age of the last test: a window adds 8, but only 1 if learning gains much [1/8 windows] */
     uint32_t patience;  /* a test is due after this many windows in which learning gains little */
     uint32_t good;      /* windows since `gentle` changed */
