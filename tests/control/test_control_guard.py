@@ -197,9 +197,32 @@ def test_a_parabola_bounds_the_ripple_without_what_is_learned(precision):
     """Amplitude 1 alone and 0.1 with all that is learned: P(3/4) gives P(0) without a look at it."""
     guard = begun(precision)
     guard.run(300, helping, until=states(PART))
-    guard.state.alone = 0.1  # a bar that has become too low
+    guard.state.alone = 0.004  # a bar so low that learning is above it
     guard.run(9, helping, until=states(LEARN))
     assert 0.19 < guard.state.alone <= 0.5  # 4 (1 - 0.9 * 0.75)^2 / 2 - 3 * 0.1^2 / 2
+
+
+@PRECISIONS
+def test_a_bar_above_what_learning_leaves_costs_no_second_window_of_a_test(precision):
+    guard = begun(precision)
+    guard.run(300, helping, until=states(PART))
+    guard.state.alone = 0.1
+    assert guard.run(9, helping, until=states(LEARN)) < 2
+    assert guard.state.alone == pytest.approx(0.1)
+
+
+@PRECISIONS
+def test_a_reference_that_moved_in_a_test_is_no_reason_for_another_soon(precision):
+    """Each window has another speed than the test had; this alone must not bring the next one."""
+    guard, tests = begun(precision), []
+    for _ in range(700 * WINDOW):
+        speed = OMEGA * (1 + 0.5 * math.sin(0.7 * guard.n / WINDOW))
+        before = guard.phase
+        guard.step(helping(guard.state) * math.sin(6 * OMEGA * TS * guard.n), omega_ref=speed)
+        if guard.phase == PART != before:
+            tests.append(guard.n)
+    gaps = np.diff(tests)
+    assert len(gaps) >= 1 and gaps[0] > 1.6 * tests[0]
 
 
 @PRECISIONS
