@@ -116,7 +116,7 @@ def test_what_an_unlearned_error_of_the_sensor_leaves_is_that_of_a_run(tmp_path:
 
 @pytest.mark.parametrize(("sensors", "bits"), [(3, 0), (2, 0), (3, 9)])
 def test_noise_of_the_current_sensors_is_that_of_a_run(sensors: int, bits: int, tmp_path: Path) -> None:
-    """A rotor without cogging on an ideal angle, so that the noise is all. Nine bits of 10 A have 39 mA steps."""
+    """A rotor without cogging on a fine angle, so that the noise is all. Nine bits have steps of 39 mA."""
     _, draft = drafts.written(tmp_path, drafts.request("gimbal", "moteus", "as5047"))
     quiet = changed(
         draft,
