@@ -84,6 +84,7 @@ def _answer_dict(answer: Answer | None) -> dict[str, Any] | None:
                 "sensor_steps_rad_s": at_speed.steps,
                 "sensor_error_rad_s": at_speed.error,
                 "unlearned_orders_rad_s": at_speed.unlearned,
+                "current_noise_rad_s": at_speed.noise,
                 "counts_per_sample": finite(at_speed.counts),
                 "worth_it": at_speed.worth_it,
                 "modelled": at_speed.modelled,
@@ -147,6 +148,7 @@ def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> t
             "the position sensor's steps": little.steps,
             "the position sensor's error": little.error,
             "orders that it does not learn": little.unlearned,
+            "noise of the current sensors": little.noise,
         }
         learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
         compared = f"it leaves {learned} of ripple, feedback alone {alone}"

@@ -29,6 +29,7 @@ RIPPLE_COLUMNS = (
     "sensor's steps",
     "sensor's error",
     "orders not learned",
+    "current noise",
     "counts a sample",
 )
 COLUMN_WIDTH_MOST = 48  # width in characters of the columns for gains and for learning
@@ -91,7 +92,8 @@ def _speed_rows(study: Study, one: Answer) -> Iterator[list[str]]:
     for omega in sorted({*times, *ripple}):
         time, rest = times.get(omega), ripple.get(omega)
         lasts = ["", ""] if time is None else [f"{time.time:.3g} s", f"{time.duration:.4g} s"]
-        sizes = () if rest is None else (rest.alone, rest.learned, rest.steps, rest.error, rest.unlearned)
+        parts = () if rest is None else (rest.steps, rest.error, rest.unlearned, rest.noise)
+        sizes = () if rest is None else (rest.alone, rest.learned, *parts)
         counts = "" if rest is None or math.isinf(rest.counts) else f"{rest.counts:.3g}"
         ripples = [speed_text(study, size, 3) for size in sizes] or [""] * len(RIPPLE_COLUMNS[1:])
         yield [speed_text(study, omega), *lasts, *ripples, counts]

@@ -147,16 +147,40 @@ def sensor_waves(study: Study, current: float) -> dict[int, float]:
     if drive.ideal:
         return {pairs: 0.0}
     sensors, phases = drive.current_sensors, study.motor.star().phases
-    angles = TURN * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
-    axes = np.array([np.cos(angles), np.sin(angles)])  # to alpha and beta, but for 2 / phases, and back
-    seen = np.eye(phases)
-    if phases == 3 and sensors.sensors == 2:
-        seen[2] = [-1.0, -1.0, 0.0]  # the third is what the other two leave
-    to_axes = 2 / phases * axes @ seen
+    axes, to_axes = _axes(study)
     offset = to_axes @ np.array(sensors.offset[:phases])
     (a, b), (c, d) = to_axes @ np.diag(sensors.gain_error[:phases]) @ axes.T
     mirrored = math.hypot(a - d, b + c) / 2  # the rest turns with the current
     return {pairs: float(np.hypot(*offset)), 2 * pairs: mirrored * abs(current)}
+
+
+def _axes(study: Study) -> tuple[Real, Real]:
+    """The phases' axes in alpha and beta, 2 x phases, and alpha and beta of what the current sensors see."""
+    phases = study.motor.star().phases
+    angles = TURN * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
+    axes, seen = np.array([np.cos(angles), np.sin(angles)]), np.eye(phases)
+    if phases == 3 and study.drive.current_sensors.sensors == 2:
+        seen[2] = [-1.0, -1.0, 0.0]  # the third is what the other two leave
+    return axes, 2 / phases * axes @ seen
+
+
+def current_noise(study: Study, plant: SpeedLoop, feedback: Linear) -> float:
+    """Variance of the true speed, (rad/s)^2, that noise of the current sensors causes under a feedback.
+
+    The current loop follows the measured current, so this noise is a current that disturbs. Their converter's
+    steps count as white noise, too: of a step q, q^2 / 12.
+    """
+    if study.drive.ideal:
+        return 0.0
+    sensors = study.drive.current_sensors
+    step = 2 * sensors.range / 2**sensors.bits if sensors.bits else 0.0
+    of_phase = sensors.noise**2 + step**2 / 12
+    of_i_q = of_phase * float(np.sum(_axes(study)[1] ** 2)) / 2  # A^2, the mean over the angle
+    f = _frequencies(plant.period)
+    passed = np.abs(responses(plant, feedback, f)[0]) ** 2
+    return (
+        float(np.mean(passed)) * of_i_q / plant.steps
+    )  # the law's band is one of `steps` that the noise has
 
 
 def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:
@@ -175,10 +199,14 @@ def counting(plant: SpeedLoop, feedback: Linear, source: Sampled) -> float:
     return float(np.sum(np.abs(responses(plant, feedback, f)[0] * C) ** 2 * density))
 
 
+def _frequencies(T: float) -> Real:
+    """Frequencies, Hz, up to 1 / 2T."""
+    return np.asarray((np.arange(RIPPLE_FREQUENCIES) + 0.5) / RIPPLE_FREQUENCIES * 0.5 / T)
+
+
 def _density(T: float, source: Sampled) -> tuple[Real, Real]:
     """Frequencies, Hz, up to 1 / 2T, and the variance of the measured speed's noise at each, (rad/s)^2."""
-    nyquist = 0.5 / T
-    f = (np.arange(RIPPLE_FREQUENCIES) + 0.5) / RIPPLE_FREQUENCIES * nyquist
+    nyquist, f = 0.5 / T, _frequencies(T)
     density = source.count**2 / 12 / source.window**2 / nyquist
     shared = source.window >= T * (1 - WINDOW_ROUNDING)  # two samples share an angle, with opposite signs
     density = density * (np.abs(1 - np.exp(-1j * math.tau * f * source.window)) ** 2 if shared else 2.0)

@@ -1,9 +1,11 @@
-"""What a position sensor leaves of the ripple that the law `harmonic` would take away.
+"""What the sensors leave of the ripple that the law `harmonic` would take away.
 
 The steps of the angle are noise, which the feedback turns into ripple of the true speed (`counting` of
 ripple.py), and which no order holds. This noise is white while a count or more comes in each sample of the
 law. With fewer, several samples show the same angle, and its error swings with the counts. No model of
 learning here has that.
+
+The noise of the current sensors is no order either. It makes ripple with learning and without.
 
 An error e(theta) of the angle turns the phase of an order n over the measured angle:
 
@@ -29,7 +31,7 @@ from cogless.design.closed_loop import Linear
 from cogless.design.law_rules import feedback_of
 from cogless.design.laws.harmonic import BENDS_FROM, Certificate, Certified, main_order
 from cogless.design.margins import Real
-from cogless.design.ripple import Sampled, counting, orders, responses, sampled
+from cogless.design.ripple import Sampled, counting, current_noise, orders, responses, sampled
 from cogless.design.speed_loop import SpeedLoop, speed_loop
 from cogless.design.verdict import SAMPLE_COUNTS_LEAST
 from cogless.design.warnings import CURED_RATIO
@@ -51,12 +53,13 @@ class Remaining:
     steps: float  # its part that the sensor's steps make
     error: float  # its part that the sensor's error makes
     unlearned: float  # its part that orders make which are not learned
+    noise: float  # its part that noise of the current sensors makes
     counts: float  # that come in a sample of the law; infinite where the edges are timed
 
     @property
     def learned(self) -> float:
         """The ripple after learning."""
-        return math.hypot(self.steps, self.error, self.unlearned)
+        return math.hypot(self.steps, self.error, self.unlearned, self.noise)
 
     @property
     def worth_it(self) -> bool:
@@ -90,23 +93,25 @@ class _Alone:
     orders: Real  # amplitude of each order of motor, load and current sensors
     steps: float  # rms
     error: float  # rms, of the true speed, since the feedback follows the sensor's error
+    noise: float  # rms
 
     @property
     def ripple(self) -> float:
         """The rms of all."""
-        return math.hypot(_rms(self.orders), self.steps, self.error)
+        return math.hypot(_rms(self.orders), self.steps, self.error, self.noise)
 
 
 def _remaining(
     study: Study, name: str, scenario: str, certified: Certificate, speed: Certified, sensor: Counted
 ) -> Remaining:
     source, omega, loop = sampled(study, scenario), speed.omega_m, speed_loop(study, scenario)
+    of_scenario = for_scenario(study, scenario)
     assert source is not None
     n, d = orders(study, scenario, omega)
     names = [key for key in study.controllers_in(scenario) if not study.controller[key].learned]
     feedbacks = [feedback_of(study, key, omega) for key in (name, *names)]
     own, *others = (
-        _alone(loop, feedback, omega, (n, d), source, sensor)
+        _alone(of_scenario, loop, feedback, omega, (n, d), source, sensor)
         for feedback in feedbacks
         if feedback is not None
     )
@@ -123,11 +128,13 @@ def _remaining(
         steps=own.steps,
         error=math.hypot(own.error, _rms(missed[learned])),
         unlearned=_rms(own.orders[~learned]),
+        noise=own.noise,
         counts=math.inf if source.timed else omega * loop.period / source.count,
     )
 
 
 def _alone(
+    study: Study,
     loop: SpeedLoop,
     feedback: Linear,
     omega: float,
@@ -144,6 +151,7 @@ def _alone(
         np.abs(responses(loop, feedback, np.asarray(n * omega / TURN))[0]) * d,
         0.0 if source.timed else math.sqrt(counting(loop, feedback, source)),
         _rms(of_error * omega * amplitudes * np.abs(1 - S)),
+        math.sqrt(current_noise(study, loop, feedback)),
     )
 
 
