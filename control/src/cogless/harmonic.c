@@ -18,7 +18,7 @@
 #define HALF_TURN CGL_R(0.5)   /* bound of the angle in a step, and of z [turns] */
 
 #define MEAN_SHARE_PER_RAD CGL_R(0.25)  /* weight of z in its moving mean, per angle of the base order in a step [1/rad] */
-#define MEAN_SHARE_MOST CGL_R(0.0625)   /* largest weight of z in its moving mean; it holds while nothing is learned */
+#define MEAN_SHARE_MOST CGL_R(0.0625)   /* largest weight of z in its moving mean, which is also its weight while nothing is learned */
 #define RATE_SUM_MOST CGL_R(0.0625)     /* bound of the sum of the acting orders' rates [1/step]; slow orders settle if the sum is below
                                            0.15 */
 #define FULL_RATE_LENGTH CGL_R(6.0)     /* the rate begins to fall when full rate times learning time reaches this; exp(-3) of the ripple
@@ -236,7 +236,7 @@ static cgl_real lesser(cgl_real a, cgl_real b)
 static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
 {
     if (step < CGL_R(0.003)) {
-        return orders; /* even the highest order is slow then */
+        return orders; /* All orders fit: in such a small step even the highest turns by less than `most`. */
     }
     const cgl_real count = most / step;
     return smaller((uint32_t)(int32_t)count, orders);
@@ -264,8 +264,8 @@ CGL_APART static void set_bend_rate(cgl_harmonic *law, cgl_real begun)
     bend->slow_power = bend->fast_power = CGL_R(0.0);
 }
 
-/* Updates the bend at the measured angle theta [turns of 2^32]. The correction is the phase by which all orders have turned together
- * since the last update. */
+/* Updates the bend, the learned error of the angle, at the measured angle theta [2^32 to a turn]. It changes by the phase that all orders
+ * have gained in common since the last update. */
 CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
 {
     cgl_harmonic_bend *const bend = &law->bend;

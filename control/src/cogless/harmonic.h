@@ -65,8 +65,8 @@ typedef struct {
                            learned [1/s], >= 0 */
     cgl_real rate_min;  /* lowest rate of learning, to which `rate` falls in time [1/s], >= 0 */
     cgl_real limit;     /* each amplitude and the sum stay within +-limit [A], > 0, at most loop.current_limit */
-    cgl_real held[CGL_HARMONIC_EDGES]; /* pairs of lower and upper bound of an order's angle in a step, rising. An order between both
-                                          bounds acts but is not learned; 0 and 0: no pair [rad], >= 0 */
+    cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned: pairs of the least and the largest angle by
+                                          which the order turns in a step [rad], >= 0, ascending; 0 and 0: no band */
 } cgl_harmonic_config;
 
 /* The bend is the error of the measured angle that repeats each turn, as in an encoder mounted off centre. It is learned from the
@@ -106,7 +106,8 @@ typedef struct {
     cgl_real share;          /* weight of the present z in its moving mean */
     cgl_real last_load;      /* z - mean in the last step [turns/ts^2] */
     cgl_real time;           /* time of learning since the last new speed [s] */
-    cgl_real slowest, fastest; /* lowest and highest speed so far; a speed is new if it is beyond them by a quarter [turns/ts] */
+    cgl_real slowest, fastest; /* lowest and highest speed so far [turns/ts]. A speed is new above 1.25 * fastest or below
+                                  slowest / 1.25 */
     cgl_real rate;           /* present rate of learning [1/s] */
     cgl_real step;           /* angle of the base order in a step when this round of gains began [rad] */
     cgl_phasor base, half;   /* base: phasor of the angle by which the base order turns in the time `lead`; half: in half a period */

@@ -53,7 +53,7 @@ static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 #endif
 }
 
-/* The share of what is learned that acts, 0 to 1. If `muted` is not within 0 to 1, all of it acts. */
+/* The share, 0 to 1, of the learned output that is applied: 1 - `muted`, or 1 if `muted` is not within 0 to 1. */
 static inline cgl_real cgl_law_share(const cgl_law_input *in)
 {
     const cgl_real share = CGL_R(1.0) - in->muted;

@@ -25,7 +25,7 @@ CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
 {
     const cgl_real exact = cgl_clamped(time / ts, PERIODS_MAX);
     const uint32_t whole = (uint32_t)exact;
-    /* an excess of less than a thousandth comes from the rounding of time / ts */
+    /* Rounds up, unless time / ts is above `whole` by less than a thousandth of itself: such a rest is rounding error. */
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
 }
 

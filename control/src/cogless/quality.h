@@ -47,7 +47,7 @@ typedef struct {
     uint32_t windows;             /* number of windows that are over; it stays at its largest value */
     cgl_real centre;              /* mean error of the last window, or the first error [unit] */
     cgl_real sum, squares;        /* sums over this part, without outliers: deviation of the error from `centre`, and its square */
-    cgl_real sum_before, squares_before;   /* the same sums over the parts before */
+    cgl_real sum_before, squares_before;   /* the same sums over the earlier parts of this window */
     cgl_real sum_lost, squares_lost;       /* rounding errors of sum_before and squares_before, to be added */
     cgl_real outlier_sum, outlier_squares; /* the same sums over the window's outliers */
     cgl_real peak_square;         /* largest square of an outlier in this window [unit^2] */

@@ -39,7 +39,7 @@ typedef struct {
 /* The row of a field of cgl_PART_config. CGL_RANGE_OF is the row of a field of any struct. */
 #define CGL_RANGE(part, field, kind) CGL_RANGE_OF(cgl_##part##_config, #part "." #field, field, kind)
 
-/* The name of a row's field, as CGL_FIELD. */
+/* The name of a row's field. Without texts (COGLESS_NO_TEXTS) it is what CGL_FIELD gives for every field. */
 #ifdef COGLESS_NO_TEXTS
 #define CGL_RANGE_NAME(row) CGL_FIELD("")
 #else

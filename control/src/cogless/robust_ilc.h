@@ -26,8 +26,9 @@ typedef struct {
     cgl_real beta_1;          /* weight of sgn S in learning [rad/s^2], >= 0 */
     cgl_real beta_2;          /* weight of S in learning [1/s], >= 0 */
     cgl_real gamma;           /* adaptation rate [1/s^2], >= 0 */
-    cgl_real viscous;         /* viscous part of the known friction B(omega) = viscous omega + coulomb sgn omega [1/s], default 0 */
-    cgl_real coulomb;         /* Coulomb part of B(omega) [rad/s^2], default 0 */
+    cgl_real viscous;         /* viscous friction over the inertia [1/s], default 0. The known friction is
+                                 B(omega) = viscous * omega + coulomb * sgn(omega) */
+    cgl_real coulomb;         /* Coulomb friction over the inertia [rad/s^2], default 0 */
     cgl_real limit;           /* the output stays within +-limit [A], > 0, at most loop.current_limit; b * limit must be finite */
     cgl_memory_config memory; /* memory of f, with one channel; entries and limit in [rad/s^2] */
 } cgl_robust_ilc_config;

@@ -100,8 +100,9 @@ typedef struct {
     cgl_trial_config config;
     cgl_real *learned;           /* v: caller's memory, `samples` entries within +-learned_limit; it may be saved
                                     and restored between trials */
-    cgl_real *error;             /* e of this trial; in the caller's memory it follows v. In the next `shift` entries, a 1 means that u
-                                    was saturated `shift` samples before. The filter's working memory and the guard's best v follow e */
+    cgl_real *error;             /* e of this trial, up to the present sample. The next `shift` entries are flags: 1 where u was at its
+                                    limit `shift` samples earlier. The caller's memory has v, e, the filter's working memory and the
+                                    guard's best v, in this order */
     const cgl_real *y_ref;       /* reference of this trial; NULL before the first one */
     cgl_real psi;                /* psi(p - 1) */
     cgl_trial_observer observer;
@@ -132,14 +133,14 @@ void cgl_trial_reset(cgl_trial *law);
  * entries of the caller, in flash or RAM, which must not change until the next begin or reset. With NULL no trial begins. */
 void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref);
 
-/* Steps one sample. psi holds while u is at its limit and the change of psi would push u further. If u is at its limit at sample p, nothing
- * is learned there: e(p + r) counts as zero.
+/* Steps one sample. psi stays as it is while u is at its limit and the change of psi would push u further. If u is at its limit at
+ * sample p, the error that u(p) makes, e(p + shift), counts as zero, so v(p) does not change.
  *
  * If a state or the reference is not finite, or so large that a sum overflows, u is 0, psi holds, the status has CGL_STATUS_FAULT, and
  * nothing is learned from the trial. An observer then goes on without the measurement.
  *
- * After the last sample the law holds the last reference and the last v, and learns nothing. From then on it does not write to the
- * caller's memory. So cgl_trial_end() may run at the same time. Before a begin, u is 0. */
+ * After the last sample the law keeps the last reference and the last v, and learns nothing. From then on it does not write to the
+ * caller's memory. So cgl_trial_end() may run while an interrupt still calls this function. Before a begin, u is 0. */
 void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
 /* Steps one sample of a drive. x is the mechanical angle [rad] and speed [rad/s], `states` is 2, and u is a current [A]. The angle may

@@ -50,7 +50,7 @@ static void accept(cgl_trial_guard *guard, cgl_real error, cgl_real best)
     guard->best = error;
     guard->above = 0U;
     if (is_better) {
-        guard->feedback = more; /* an estimate of the new F */
+        guard->feedback = more; /* The feedback's error on the new plant is taken to be `more` until it is measured. */
         set_strikes(guard, 0U);
     }
     guard->phase = is_better ? CGL_TRIAL_LEARN : CGL_TRIAL_COMPARE;
