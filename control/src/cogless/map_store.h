@@ -108,8 +108,8 @@ cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map);
  * reason why the save cannot begin. */
 cgl_map_result cgl_map_store_begin(cgl_map_store *store, const cgl_map *map);
 
-/* Does a piece of the save: one call of your flash functions, or a few short ones. Returns CGL_MAP_BUSY until the save ends. From then on it
- * returns CGL_MAP_OK, or the reason why the save failed. A map that is already stored is not written again. */
+/* Does a piece of the save: one call of your flash functions, or a few short ones. Returns CGL_MAP_BUSY until the save ends. From then on
+ * it returns CGL_MAP_OK, or the reason why the save failed. A map that is already stored is not written again. */
 cgl_map_result cgl_map_store_step(cgl_map_store *store);
 
 #ifdef __cplusplus

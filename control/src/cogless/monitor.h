@@ -36,7 +36,8 @@ typedef struct {
     cgl_real omega_max;    /* largest mechanical speed of the rotor, also as measured with one count more in the speed window [rad/s], >=
                               0; default 0 */
     cgl_real angle_step;   /* mechanical resolution of the angle sensor [rad], >= 0; default 0 */
-    cgl_real speed_window; /* time over which the speed is measured [s], >= 0. For this time after a jump of the angle the speed is not plausible */
+    cgl_real speed_window; /* time over which the speed is measured [s], >= 0. For this time after a jump of the angle the speed is not
+                              plausible */
     cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning stops at a
                               quarter of this angle [rad], >= 0; default 0 */
     cgl_real stuck_time;   /* the angle counts as stuck only if full current has also pushed in the reference's direction for this time.
