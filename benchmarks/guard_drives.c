@@ -409,13 +409,13 @@ static uint32_t simulate(const drive_case *d, uint32_t mode, window *windows)
         }
         bool acts = false;
         if (mode == GUARDED) {
-const cgl_guard_input looked = {error, in.omega_m, in.omega_ref, plausible, saturated, wanted, learned};
+            const cgl_guard_input looked = {error, in.omega_ref, plausible, saturated, wanted, learned};
             const uint8_t phase = guard.phase;
             cgl_guard_step(&guard, &looked);
             in.muted = CGL_R(1.0) - guard.share;
             in.gentle = guard.gentle;
-            in.forget = guard.forget;
-            in.learn = in.learn && guard.learn;
+            in.forget = cgl_guard_forgets(&guard);
+            in.learn = in.learn && cgl_guard_may_learn(&guard);
             acts = cgl_guard_acts(&guard);
             if (trace_guard && guard.phase != phase) {
                 printf("    %7.3f s: phase %u -> %u, step %u\n", time, phase, guard.phase, guard.gentle);

@@ -39,14 +39,14 @@ EVA = [
 
 PARTS = {
     "leaves": "angle modulation polynomial",
-    "foc": "range angle foc",
-    "current_reference": "range current_reference",
+    "foc": "range angle square_root foc",
+    "current_reference": "range square_root current_reference",
     "dead_time": "range dead_time",
     "microstepping": "range angle microstepping",
     "sensors": "encoder speed_timed angle_observer hall low_pass",
     "monitor": "range angle monitor",
-    "quality": "range quality",
-    "drive": "range angle foc monitor quality guard drive",
+    "quality": "range square_root quality",
+    "drive": "range angle square_root foc monitor quality guard drive",
     "pi": "law range pi speed_pi",
     "pi_ilc": "law angle pi memory delay_line range pi_ilc",
     "robust_ilc": "law angle memory delay_line range robust_ilc",

@@ -9,6 +9,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 INCLUDE_FOLDERS = ("src", "proof")
+COMMENT = re.compile(
+    rb"""("(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*')|/\*(?!@).*?\*/|//(?!@)[^\n]*""", re.DOTALL
+)  # or text in quotes
 ABOUT = "# The hash of all that a run reads, written by run.py where the run was green: make proof"
 
 
@@ -33,13 +36,19 @@ def files_read(sources: Iterable[str], folder: Path) -> list[str]:
     return sorted(reached)
 
 
+def code_of(text: bytes) -> bytes:
+    """A C text without its comments and empty lines. What Frama-C reads of comments, /*@ and //@, stays."""
+    lines = COMMENT.sub(lambda match: match[1] or b" ", text).splitlines()
+    return b"\n".join(line.rstrip() for line in lines if line.strip())
+
+
 def stamp(command: list[str], sources: Iterable[str], folder: Path, version: str) -> str:
     """A hash of Frama-C's version and command, of the way to judge, and of all files read, by their names
-    within the folder."""
+    within the folder. A comment changes no proof."""
     verdict = Path(__file__).with_name("verdict.py").read_bytes()
     digest = hashlib.sha256(repr((version, command)).encode() + verdict)
     for file in files_read(sources, folder):
-        text = (folder / file).read_bytes()
+        text = code_of((folder / file).read_bytes())
         digest.update(f"\n{file} {len(text)}\n".encode() + text)
     return digest.hexdigest()[:16]
 

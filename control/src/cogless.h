@@ -1,4 +1,4 @@
-/* Everything: for build systems that find a library by one header. */
+/* Includes all headers of the library, for build systems that find a library by one header. */
 #ifndef COGLESS_H
 #define COGLESS_H
 
@@ -30,6 +30,7 @@
 #include "cogless/quality.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"
+#include "cogless/square_root.h"
 #include "cogless/telemetry.h"
 #include "cogless/transform.h"
 #include "cogless/trial_basis.h"

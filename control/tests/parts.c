@@ -17,6 +17,7 @@
 #include "cogless/encoder_table.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"
+#include "cogless/square_root.h"
 #include "cogless/telemetry.h"
 
 #define STEPS_PER_CONFIG 300
@@ -211,6 +212,20 @@ static void try_current_reference(void)
         cgl_current_reference_actuate(&currents, &drive, &out);
         CHECK(are_duties(out.duty) && cgl_is_finite(drive.i_q));
         hear(drive.i_q);
+    }
+}
+
+static void try_square_root(void)
+{
+    const cgl_real rounding = sizeof(cgl_real) == sizeof(float) ? CGL_R(2.4e-7) : CGL_R(4.5e-16);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const cgl_real x = random_real(CGL_R(10.0)), root = cgl_square_root(x);
+        hear(root);
+        if (x >= CGL_R(1.0e-30) && x <= CGL_R(1.0e38)) {
+            CHECK(within(root * root / x - CGL_R(1.0), CGL_R(2.0) * rounding));
+        } else {
+            CHECK(!(root < CGL_R(0.0)) && !(root > CGL_R(0.0)));
+        }
     }
 }
 
@@ -435,7 +450,8 @@ void try_parts(long configs)
         {"hall", try_hall, 0xb8415665U, 0x3a0696a6U},
         {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
         {"current_reference", try_current_reference, 0xbef6cf94U, 0x92606f06U},
-        {"microstepping", try_microstepping, 0x4bbf37b0U, 0xaaeda00dU},
+        {"square_root", try_square_root, 0x0f9de291U, 0xcb825a3cU},
+        {"microstepping", try_microstepping, 0x8a359b39U, 0x4bad28a9U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }

@@ -1485,7 +1485,7 @@ void random_inputs(long configs)
     static const random_subject subjects[] = {
         {"angle", try_angle, 0x24552c34U, 0x32ee43c6U},
         {"modulation", try_modulation, 0x3f9fb973U, 0x03e77d72U},
-        {"foc", try_foc, 0x5b274328U, 0x6724c587U},
+        {"foc", try_foc, 0x5b274328U, 0xe2d0ab4cU},
         {"pi", try_pi, 0x9c475f64U, 0xb1f1788bU},
         {"memory", try_memory, 0x2d03223fU, 0xd98b4ef0U},
         {"pi_ilc", try_pi_ilc, 0x0b83e9ffU, 0xc2006fd7U},
@@ -1498,7 +1498,7 @@ void random_inputs(long configs)
         {"trial", try_trial, 0x21fcec74U, 0x68eebc9bU},
         {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},
         {"quality", try_quality, 0xa29dc678U, 0x8fc9d407U},
-        {"drive", try_drive, 0x0928a09dU, 0xecb94ad8U},
+        {"drive", try_drive, 0xaee59596U, 0x086996cfU},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
         {"harmonic", try_harmonic, 0xf86c57b1U, 0x22244692U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},

@@ -317,6 +317,17 @@ def test_a_rotor_that_takes_its_time_is_not_stuck(precision):
 
 
 @PRECISIONS
+def test_a_rotor_that_stood_for_half_a_day_is_tried_again(precision):
+    """The next attempt comes after so many periods that their count does not end before."""
+    rotor = Rotor(precision, omega=0.0)
+    rotor.run(50, omega_ref=400.0, full=False)
+    rotor.state.standstill = 3_000_000_000
+    assert rotor.run(2600, omega_ref=400.0)[-1]  # safe: it counts as stuck
+    rotor.state.standstill = 2**32 - 1  # where it stays
+    assert not all(rotor.run(10, omega_ref=400.0))
+
+
+@PRECISIONS
 def test_nothing_is_learned_while_a_stuck_angle_is_in_doubt(precision):
     rotor = Rotor(precision, omega_max=500.0)
     rotor.run(50)

@@ -32,7 +32,7 @@ texts = [Path(word).read_text() for word in sys.argv if word.endswith(".c")]
 if any("ALARM" in text for text in texts) or Path.cwd().name != "control":  # a copy is of a broken law
     print("[eva:alarm] x.c:1: Warning: out of bounds\\n")
 if any("EDIT" in text for text in texts):
-    append("src/cogless/pi.c", "/* while it ran */")
+    append("src/cogless/pi.c", "int other;")
 print("ANALYSIS SUMMARY")
 """
 
@@ -89,20 +89,32 @@ def test_any_file_that_is_read_makes_a_run_stale_and_no_other_does(run: ModuleTy
         before, read = each.stamp(VERSION), {control / name for name in files_of(run, each)}
         assert len(read) > 4 and read <= texts.keys()
         for path in read:
-            path.write_text(texts[path] + "/* other */\n")
+            path.write_text(texts[path] + "int other;\n")
             assert each.stamp(VERSION) != before, (each.name, path)
             path.write_text(texts[path])
         for path in texts.keys() - read:
-            path.write_text(texts[path] + "/* other */\n")
+            path.write_text(texts[path] + "int other;\n")
         assert each.stamp(VERSION) == before, each.name
         for path in texts.keys() - read:
             path.write_text(texts[path])
 
 
+def test_a_comment_makes_no_proof_stale_but_an_annotation_does(run: ModuleType, control: Path) -> None:
+    before = stamps(run)
+    text = run.stamps.code_of(
+        b'char *s = "/* not */", q = \'"\'; /* one\ntwo */ // three\n\n  //@ widen_hints x;\n/*@ y */'
+    )
+    assert text == b'char *s = "/* not */", q = \'"\';\n  //@ widen_hints x;\n/*@ y */'
+    append(control / "src" / "cogless" / "real.h", "/* a sentence\nof two lines */\n// or one\n")
+    assert stamps(run) == before
+    append(control / "src" / "cogless" / "pi.c", "//@ widen_hints law.turns, 1;\n")
+    assert stamps(run)["pi"] != before["pi"]
+
+
 def test_a_changed_file_makes_the_proof_of_a_broken_law_stale(run: ModuleType, control: Path) -> None:
     for each in run.MUTANTS:
         before = each.stamp(VERSION)
-        append(control / "src" / "cogless" / each.file, "/* other */\n")
+        append(control / "src" / "cogless" / each.file, "int other;\n")
         assert each.stamp(VERSION) != before
 
 
@@ -154,7 +166,7 @@ def test_flags_functions_sources_and_versions_make_all_stale(
 
 def test_another_way_to_break_the_library_makes_its_proof_stale(run: ModuleType) -> None:
     for each in run.MUTANTS:
-        assert replace(each, broken=each.broken + " ").stamp(VERSION) != each.stamp(VERSION)
+        assert replace(each, broken=each.broken + " ;").stamp(VERSION) != each.stamp(VERSION)
 
 
 def test_a_stamp_is_the_same_in_any_folder(
@@ -220,7 +232,7 @@ def test_what_has_not_changed_is_not_proven_again(proof: Proof) -> None:
     assert proof.run("--stale", "pi", "adrc") == (0, ["pi"] * 3 + ["adrc"] * 3 + ["pi"])
     assert proof.stamps() == PI | ADRC
     assert proof.run("--stale", "pi", "adrc") == (0, [])
-    proof.append("src/cogless/adrc.c", "/* other */\n")
+    proof.append("src/cogless/adrc.c", "int other;\n")
     assert proof.run("--stale", "pi", "adrc") == (0, ["adrc"] * 3)
     assert proof.run("--stale", "pi", "adrc") == (0, [])
     assert proof.run("pi") == (0, ["pi"] * 4)  # by hand all are proven
@@ -230,7 +242,7 @@ def test_what_has_not_changed_is_not_proven_again(proof: Proof) -> None:
 
 def test_a_red_proof_fails_loses_its_stamp_and_is_run_again(proof: Proof) -> None:
     assert proof.run("--stale", "pi", "adrc")[0] == 0
-    proof.append("src/cogless/adrc.c", "/* ALARM */\n")
+    proof.append("src/cogless/adrc.c", "int ALARM;\n")
     for _ in range(2):
         assert proof.run("--stale", "pi", "adrc") == (1, ["adrc"] * 3)
         assert proof.stamps() == PI
@@ -244,7 +256,7 @@ def test_a_broken_law_that_is_not_caught_has_no_stamp(proof: Proof) -> None:
 
 
 def test_files_that_change_during_a_proof_leave_no_stamp(proof: Proof) -> None:
-    proof.append("proof/pi.c", "/* EDIT */\n")
+    proof.append("proof/pi.c", "int EDIT;\n")
     assert proof.run("pi", "adrc")[0] == 0
     assert proof.stamps() == ADRC | {"broken pi.c: pi"}  # of a copy, which only it changes
 

@@ -63,12 +63,12 @@ def test_learning_that_grows_ends_as_the_feedback_alone(law, omega):
     assert np.any(trace["status"].astype(int) & Status.GUARDED)
 
 
-def test_learning_that_helps_is_the_same_with_and_without_the_guard():
-    """It begins after two seconds, so the feedback's ripple is known."""
+def test_learning_that_helps_is_tested_by_a_quarter_of_it_at_most():
+    """It begins after two seconds, so the ripple before is known. In a test a quarter of it comes back."""
     with_guard, without = (
         simulate(study("pi-ilc", 20, guard=guard, lead="1 ms", start="2 s"), "run", "law").trace
         for guard in (True, False)
     )
-    assert np.array_equal(with_guard["omega_m"], without["omega_m"])
-    assert not np.any(with_guard["status"].astype(int) & Status.GUARDED)
-    assert ripple(with_guard, 6, 8) < 0.5 * ripple(with_guard, 1, 2)
+    alone = ripple(with_guard, 1, 2)
+    assert ripple(with_guard, 6, 8) < np.hypot(ripple(without, 6, 8), alone / 4)
+    assert ripple(with_guard, 6, 8) < 0.5 * alone

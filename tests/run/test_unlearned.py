@@ -153,7 +153,7 @@ def test_a_rotor_that_hardly_turns(made):
     data = run.trace.data.copy()
     data[:, run.trace.names.index("theta_m")] *= 0.1
     stuck = replace(run, trace=replace(run.trace, data=data))
-    assert unlearned(made, stuck) == "the rotor turned by 0.15 of its period in 9 s"
+    assert unlearned(made, stuck) == "the rotor turned by 0.2 of its period in 12 s"
 
 
 def test_foreseen_by_the_reference(tmp_path):

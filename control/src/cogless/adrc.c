@@ -2,7 +2,7 @@
 
 #include "decay.h"
 
-#define FASTEST CGL_R(2.0) /* largest bandwidth times ts: beyond it the observer smooths nothing */
+#define FASTEST CGL_R(2.0) /* largest bandwidth * ts: with a larger one the observer smooths nothing */
 
 CGL_SELDOM const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *loop)
 {
@@ -32,7 +32,7 @@ CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
     law->started = false;
 }
 
-/* Takes a config, and the gains of the observer that follow from it. */
+/* Stores a config, and computes the observer's gains. */
 static void take(cgl_adrc *law, const cgl_adrc_config *config)
 {
     const cgl_real p = cgl_decay(config->omega_o * law->loop.ts), q = CGL_R(1.0) - p;

@@ -18,7 +18,7 @@ typedef struct {
     cgl_real b;       /* acceleration per current, K_t / J [rad/s^2/A], > 0 */
     cgl_real omega_c; /* bandwidth of the loop [1/s], >= 0 */
     cgl_real omega_o; /* bandwidth of the observer, which is its double pole [1/s], > 0, at most 2 / ts */
-    cgl_real limit;   /* the output stays within +-limit [A], > 0; at most loop.current_limit; b limit finite */
+    cgl_real limit;   /* the output stays within +-limit [A], > 0; at most loop.current_limit; b * limit must be finite */
 } cgl_adrc_config;
 
 typedef struct {
@@ -30,7 +30,7 @@ typedef struct {
     cgl_real f;            /* estimate of the disturbance, within +-most [rad/s^2] */
     cgl_real before;       /* last output, which the observer uses [A] */
     cgl_real proportional; /* proportional part of the last output [A] */
-    cgl_real rejected;     /* part of the last output that cancels the disturbance, -f / b [A] */
+    cgl_real rejected;     /* part of the last output that cancels the disturbance: -f / b [A] */
     cgl_loop loop;
     cgl_adrc_config config;
 } cgl_adrc;

@@ -37,7 +37,7 @@ cgl_real cgl_fraction(cgl_real x)
         return CGL_R(0.0);
     }
     const cgl_real rest = cgl_rest(x), fraction = rest < CGL_R(0.0) ? rest + CGL_R(1.0) : rest;
-    return fraction < CGL_R(1.0) ? fraction : CGL_R(0.0); /* a tiny negative x rounds up to 1 */
+    return fraction < CGL_R(1.0) ? fraction : CGL_R(0.0); /* for a tiny negative x, rest + 1 rounds up to 1 */
 }
 
 cgl_real cgl_unwrap(cgl_real theta, cgl_real near)

@@ -25,12 +25,12 @@ static inline cgl_phasor cgl_product(cgl_phasor a, cgl_phasor b)
     return product;
 }
 
-/* Phasor of an angle [turns of 2^32], to 1.5e-7 (float) or 1e-15 (double). A product adds its factors' errors and rounds by
- * sqrt(5) 2^-24 at most (double: 2^-53). So a phasor of order h, as a product of lower orders, has an error of at most h 2.9e-7 (double:
- * h 1.3e-15). In float, the rounding of the angle itself makes as large an error. */
+/* Phasor of an angle [turns of 2^32], to 1.5e-7 (float) or 1e-15 (double). The errors of two factors add up in their product. Rounding
+ * adds at most sqrt(5) 2^-24 (double: 2^-53). So a phasor of order h, as a product of lower orders, has an error of at most h 2.9e-7
+ * (double: h 1.3e-15). In float, the rounding of the angle itself makes as large an error. */
 cgl_phasor cgl_phasor_of(uint32_t turns);
 
-/* theta [rad], |theta| < CGL_ANGLE_MAX, as an integer of which 2^32 is a revolution, so that it wraps as an angle does. */
+/* Returns theta [rad], |theta| < CGL_ANGLE_MAX, in turns of 2^32. The integer wraps as the angle does. */
 static inline uint32_t cgl_turns(cgl_real theta)
 {
     const cgl_real rest = cgl_rest(theta * (CGL_R(1.0) / CGL_TWO_PI));
@@ -41,11 +41,11 @@ static inline uint32_t cgl_turns(cgl_real theta)
 #endif
 }
 
-/* Fractional part of x, in [0, 1); 0 if |x| is not below 1e9. */
+/* Returns the fractional part of x, in [0, 1); 0 if |x| is not below 1e9. */
 cgl_real cgl_fraction(cgl_real x);
 
-/* theta [rad] plus the whole turns that bring it nearest to `near` [rad]. If `near` is the last angle, this removes the wraps. It is
- * `near` itself if either is not finite, or if they are more than 1e9 turns apart. */
+/* Returns theta [rad] plus the whole turns that bring it nearest to `near` [rad]. If `near` is the last angle, this removes the wraps.
+ * If theta or `near` is not finite, or they are more than 1e9 turns apart, it returns `near`. */
 cgl_real cgl_unwrap(cgl_real theta, cgl_real near);
 
 #ifdef __cplusplus

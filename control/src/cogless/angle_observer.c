@@ -3,7 +3,7 @@
 #include "decay.h"
 #include "turns.h"
 
-#define FASTEST CGL_R(2.0) /* largest bandwidth times ts: beyond it the filter smooths nothing */
+#define FASTEST CGL_R(2.0) /* largest bandwidth * ts: with a larger one the observer smooths nothing */
 
 CGL_SELDOM cgl_error cgl_angle_observer_init(cgl_angle_observer *observer, const cgl_angle_observer_config *config,
                                              cgl_real ts)
@@ -44,7 +44,8 @@ void cgl_angle_observer_step(cgl_angle_observer *observer, uint32_t theta)
     const cgl_real ts = observer->ts, rise = ts * observer->alpha;
     const cgl_real way = ts * (observer->omega + CGL_R(0.5) * rise); /* predicted change of the angle [rad] */
     const uint32_t ahead = cgl_turned(observer->theta, way * (CGL_R(1.0) / CGL_TWO_PI));
-    const cgl_real part = cgl_steps(ahead, theta) * (CGL_R(1.0) / CGL_TURN_BITS); /* difference of measured and predicted angle [turns], in [-1/2, 1/2) */
+    /* difference of measured and predicted angle [turns], in [-1/2, 1/2) */
+    const cgl_real part = cgl_steps(ahead, theta) * (CGL_R(1.0) / CGL_TURN_BITS);
     const cgl_real error = part * CGL_TWO_PI;
     observer->theta = cgl_turned(ahead, observer->l1 * part);
     observer->omega = cgl_clamp(observer->omega + rise + observer->l2 * error, observer->omega_max);

@@ -82,12 +82,12 @@ CGL_SELDOM void cgl_anti_cogging_calibrate(cgl_anti_cogging *law)
     if (law->pi.loop.feed_forward) {
         return;
     }
-    law->stage = CGL_ANTI_COGGING_FORWARD; /* reset clears the table of an unfinished calibration */
+    law->stage = CGL_ANTI_COGGING_FORWARD; /* this stage makes the reset clear the table */
     cgl_anti_cogging_reset(law);
     law->stage = CGL_ANTI_COGGING_FORWARD;
 }
 
-/* Largest count of revolutions, more than any run makes. */
+/* Bound of the count of revolutions; no run makes as many. */
 #define TURNS_MAX 1000
 
 static void count_turn(cgl_anti_cogging *law, bool up)
@@ -99,7 +99,7 @@ static void count_turn(cgl_anti_cogging *law, bool up)
     }
 }
 
-/* Follows the rotor over whole revolutions. A step is shorter than half a revolution. */
+/* Follows the rotor over whole revolutions. Between two calls it turns by less than half a revolution. */
 CGL_SELDOM static void follow(cgl_anti_cogging *law, cgl_real theta_m)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -136,7 +136,7 @@ CGL_SELDOM static void start_direction(cgl_anti_cogging *law, cgl_anti_cogging_s
     law->samples = 0U;
 }
 
-/* Ends the calibration, and subtracts the mean over the revolution, which is load and not cogging. */
+/* Ends the calibration. Subtracts the mean over the revolution, which is load and not cogging. */
 CGL_SELDOM static void finish(cgl_anti_cogging *law)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -144,18 +144,18 @@ CGL_SELDOM static void finish(cgl_anti_cogging *law)
     for (uint32_t n = 0; n < config->cells; ++n) {
         mean += law->table[n] / (cgl_real)config->cells;
     }
+    /* A retune during the recording may have lowered the limit, so table and friction are limited again. */
     for (uint32_t n = 0; n < config->cells; ++n) {
         law->table[n] = cgl_clamped(law->table[n] - mean, config->pi.limit);
     }
-    /* a retune may have lowered the limit since the first entries were recorded */
     law->friction = cgl_clamped(CGL_R(0.5) * law->means[0] - CGL_R(0.5) * law->means[1], config->pi.limit);
     law->stage = CGL_ANTI_COGGING_RUN;
     cgl_pi_reset(&law->pi);
 }
 
 /* Records a sample. An entry covers half a cell on either side of its angle. When the rotor leaves an entry, the mean current there is
- * added to the table, and also to entries that the rotor jumped over. A rotor that rocks back records nothing twice. If the sample must
- * not be learned, the rotor has to come to its entry again, a revolution later. */
+ * added to the table. Entries that the rotor jumped over get the same mean. A rotor that rocks back records nothing twice. If a sample
+ * must not be learned, its entry is recorded one revolution later. */
 CGL_SELDOM static void record(cgl_anti_cogging *law, cgl_real i_q, bool learn)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -167,7 +167,7 @@ CGL_SELDOM static void record(cgl_anti_cogging *law, cgl_real i_q, bool learn)
         return;
     }
     if (!learn) {
-        count_turn(law, backward); /* counts one revolution less, so that the entry is still ahead */
+        count_turn(law, backward); /* counts one revolution less: the entry is then still ahead */
         law->sum = CGL_R(0.0);
         law->samples = 0U;
         return;
@@ -195,7 +195,7 @@ static cgl_real look_up(const cgl_anti_cogging *law, cgl_real theta_m)
     return cgl_clamp(here + (x - (cgl_real)n) * (next - here), config->pi.limit);
 }
 
-/* Takes the current from the table, at a plausible angle. */
+/* Looks the current up in the table, at a plausible angle. */
 static void look(cgl_anti_cogging *law, const cgl_law_input *in)
 {
     law->looked_up = cgl_law_share(in) * look_up(law, in->theta_m + law->config.lead * in->omega_m);

@@ -1,5 +1,5 @@
 /* PI speed control with an anti-cogging table, the remedy in common use. A slow calibration run in both directions records the current that
- * the motor needs at each angle. Later the current from the table is added to that of the PI.
+ * the motor needs at each angle. Later the current from the table is added to the PI's output.
  *
  * In the mean of both directions Coulomb friction cancels. The mean over the revolution, which is a constant load, is subtracted. Half
  * the difference of the directions is reported as friction. */
@@ -21,7 +21,7 @@ typedef struct {
     cgl_real speed;         /* mechanical speed of the calibration run [rad/s], > 0 */
     uint32_t revolutions;   /* number of revolutions recorded in each direction, 1 to 100 */
     cgl_real position_gain; /* gain on the position error of the calibration run [1/s], >= 0 */
-    cgl_real lead;          /* the table is read where the rotor will be after this time, which makes up for the delay of the
+    cgl_real lead;          /* the table is read at the angle that the rotor will have after this time, to make up for the delay of the
                                current loop [s], >= 0; default 0 */
 } cgl_anti_cogging_config;
 
@@ -40,7 +40,7 @@ typedef struct {
     cgl_real friction;          /* friction of the last calibration, the Coulomb part and the viscous part at its speed [A] */
     cgl_real place;             /* measured angle of the last step [cells], in [0, cells) */
     int32_t turns;              /* signed revolutions since this direction began */
-    cgl_real behind;            /* angle by which the rotor is behind the calibration's path [rad] */
+    cgl_real behind;            /* angle by which the rotor lags the calibration's path [rad] */
     int32_t cell;               /* table entry being recorded, counted in the run's direction */
     int32_t end_cell;           /* the first entry after those to be recorded */
     cgl_real sum;               /* sum of the measured current within the cell [A] */
@@ -56,20 +56,20 @@ const char *cgl_anti_cogging_bad_field(const cgl_anti_cogging_config *config, co
 cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, const cgl_loop *loop, cgl_real *table,
                                 uint32_t length);
 
-/* Replaces gains and limits at run time, as cgl_pi_retune() does. The table stays, within the new limit. The number of cells must not
- * change, nor that of revolutions during a calibration. */
+/* Replaces gains and limits at run time, as cgl_pi_retune() does. The table stays, within the new limit. `cells` must not change.
+ * `revolutions` must not change during a calibration. */
 cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config);
 
 /* Restarts the PI and ends a calibration; a table that is complete stays. */
 void cgl_anti_cogging_reset(cgl_anti_cogging *law);
 
-/* Begins a calibration run, which the following steps make, without regard to omega_ref. It turns forward by an eighth of a revolution to
- * settle and by `revolutions` to record, and then the same backward. The status has CGL_STATUS_BUSY until it is done, so cgl_drive does
- * not look for a stuck angle.
+/* Begins a calibration run. The following steps make the run, and ignore omega_ref. The rotor turns forward by an eighth of a revolution to
+ * settle, and by `revolutions` to record. Then it does the same backward. Until the run ends, the status has CGL_STATUS_BUSY, so cgl_drive
+ * does not look for a stuck angle.
  *
- * While in->learn is false, nothing is recorded, and the status has CGL_STATUS_FROZEN. The motor turns on, and a missing entry is recorded
- * the next time that the rotor passes it. So a finished table is always complete. If in->learn stays false, the run does not end: call
- * a reset to end it. After cgl_monitor_trust() calibrate anew, as the table belongs to the angle before.
+ * While in->learn is false, nothing is recorded, and the status has CGL_STATUS_FROZEN. The motor goes on turning, and a missing entry is
+ * recorded the next time that the rotor passes it. So a finished table is always complete. While in->learn stays false, the run does not
+ * end. cgl_anti_cogging_reset() ends it. Calibrate anew after cgl_monitor_trust(), because the old table belongs to the old angle.
  *
  * With loop.feed_forward this function does nothing: the foreign feedback would have to make the run. */
 void cgl_anti_cogging_calibrate(cgl_anti_cogging *law);

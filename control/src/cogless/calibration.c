@@ -59,7 +59,7 @@ cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3])
     return offsets->result;
 }
 
-/* The stages of the alignment. In each the field goes to its place, the rotor comes to rest, and its angle is read. */
+/* Stages of the alignment. In each stage the field goes to its place, the rotor comes to rest, and its angle is read. */
 enum { RISE, FORWARD_HALF, FORWARD_REST, BACK, FALL };
 
 CGL_SELDOM cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_real ts)
@@ -95,7 +95,7 @@ CGL_SELDOM void cgl_align_reset(cgl_align *align)
     align->result = CGL_CALIBRATION_BUSY;
 }
 
-/* x moved towards `to` by at most `step`. */
+/* Returns x, moved towards `to` by at most `step`. */
 static cgl_real toward(cgl_real x, cgl_real to, cgl_real step)
 {
     return cgl_is_within(to - x, step) ? to : x + (to > x ? step : -step);
@@ -108,7 +108,7 @@ static bool has_followed(const cgl_align *align)
     return cgl_is_within(align->far[1] - align->far[0] - way, align->config.tolerance * way);
 }
 
-/* Takes the angle at the end of a stage, with the rotor at rest, and begins the next stage. */
+/* Stores the rotor's angle at the end of a stage, with the rotor at rest. Begins the next stage. */
 static void read(cgl_align *align)
 {
     switch (align->stage) {
@@ -133,7 +133,7 @@ static void read(cgl_align *align)
 /* Ends the alignment with its result. */
 static void end(cgl_align *align)
 {
-    /* a rotor that sticks or turns against the field also comes back to its place, so only its way shows the fault */
+    /* a rotor that sticks or turns against the field also comes back to its place: only the way that it went shows the fault */
     const bool followed = has_followed(align) && cgl_abs(align->apart) * (cgl_real)align->config.pole_pairs
                                                      <= align->config.sweep;
     align->zero = cgl_unwrap(align->zero, CGL_R(0.0));
@@ -142,7 +142,8 @@ static void end(cgl_align *align)
 
 cgl_calibration cgl_align_step(cgl_align *align, cgl_real theta_m, cgl_align_output *out)
 {
-    static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)}; /* place of the field at the end of each stage [sweeps] */
+    /* place of the field at the end of each stage [sweeps] */
+    static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)};
     const cgl_align_config *const config = &align->config;
     const cgl_real ts = align->ts;
     if (align->result == CGL_CALIBRATION_BUSY && !cgl_is_angle(theta_m)) {

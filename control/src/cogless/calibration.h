@@ -1,17 +1,17 @@
 /* Two calibrations that a drive needs before it runs. The first finds the offsets of the current sensors while the bridge is off. The
- * second finds the mechanical angle at which the rotor's d axis stands on phase a, by a current that pulls the rotor there. Step each
- * in the interrupt until it returns done or failed.
+ * second pulls the rotor with a current, and finds the mechanical angle at which the d axis stands on phase a. Step each of them in the
+ * interrupt until it returns done or failed.
  *
  *   result = cgl_offsets_step(&offsets, now.i_abc);             bridge off; then subtract offsets.mean from each measurement
  *
- *   result = cgl_align_step(&align, now.theta_m, &wanted);      then the current loop in the frame that it wants:
+ *   result = cgl_align_step(&align, now.theta_m, &wanted);      then step the current loop in the frame `wanted`:
  *   currents.theta_e = wanted.theta_e; currents.omega_e = wanted.omega_e;
  *   currents.i_d_ref = wanted.i_d_ref; currents.i_q_ref = 0;
- *   cgl_foc_step(&foc, &currents, &out);                        then theta_m less align.zero is the angle of the drive
+ *   cgl_foc_step(&foc, &currents, &out);                        when done, the angle of the drive is theta_m - align.zero
  *
- * The field passes the angle of phase a slowly, forward and then back. Friction holds the rotor back on both passes, and cancels in
- * their mean. The motor must be free to turn. Cogging shifts the result, less so with more current: use as much current as the motor
- * may have. */
+ * The field passes the angle of phase a slowly, forward and then back. Friction holds the rotor back on both passes. In the mean of both
+ * passes it cancels. The motor must be free to turn. Cogging shifts the result, less so with more current: use as much current as the
+ * motor may have. */
 #ifndef COGLESS_CALIBRATION_H
 #define COGLESS_CALIBRATION_H
 
@@ -39,7 +39,7 @@ typedef struct {
 
 typedef struct {
     cgl_offsets_config config;
-    cgl_real mean[3];           /* mean of the samples so far; when done, the offsets [A] */
+    cgl_real mean[3];           /* mean of the samples so far [A]; when done, this is the offset */
     cgl_real low[3], high[3];   /* the smallest and the largest sample [A] */
     uint32_t count;             /* samples so far */
     cgl_calibration result;
@@ -51,8 +51,8 @@ cgl_error cgl_offsets_init(cgl_offsets *offsets, const cgl_offsets_config *confi
 /* Begins anew. */
 void cgl_offsets_reset(cgl_offsets *offsets);
 
-/* Takes one sample. Returns CGL_CALIBRATION_FAILED, and does so until reset, if a current is not finite, if samples of a phase differ by
- * more than `spread`, or if a mean is above `largest`. */
+/* Takes one sample. Fails if a current is not finite, if two samples of a phase differ by more than `spread`, or if the mean of a phase
+ * is beyond +-`largest`. After a failure it returns CGL_CALIBRATION_FAILED until a reset. */
 cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3]);
 
 typedef struct {
@@ -62,7 +62,8 @@ typedef struct {
     cgl_real sweep;      /* electrical angle of the field to either side of phase a [rad], > 0, up to pi; 0: default pi/2 */
     cgl_real speed;      /* electrical speed of the field, which the rotor must follow without swinging [rad/s], > 0 */
     cgl_real settle;     /* time for the rotor to stop swinging before its angle is read [s], > 0 */
-    cgl_real tolerance;  /* largest difference between the rotor's way and the field's, as a share of it, > 0, below 1; 0: default 0.25 */
+    cgl_real tolerance;  /* largest difference between the rotor's way and the field's way, as a share of the field's way, > 0, below 1;
+                            0: default 0.25 */
 } cgl_align_config;
 
 typedef struct {
@@ -79,8 +80,8 @@ typedef struct {
     cgl_real theta_m;  /* measured angle without its wraps [rad] */
     cgl_real far[2];   /* theta_m with the field at -sweep and at +sweep [rad] */
     cgl_real near[2];  /* theta_m with the field at 0, on the way forward and back [rad] */
-    cgl_real zero;     /* the mechanical angle at which theta_e is 0, when done, within +-pi [rad] */
-    cgl_real apart;    /* half of near[1] - near[0], when done: the angle by which friction holds the rotor back [rad] */
+    cgl_real zero;     /* when done: the mechanical angle at which theta_e is 0, within +-pi [rad] */
+    cgl_real apart;    /* when done: half of near[1] - near[0], the angle by which friction holds the rotor back [rad] */
     uint32_t wait;     /* steps until the angle is read */
     uint32_t stage;    /* stage of the calibration */
     cgl_calibration result;
@@ -92,9 +93,9 @@ cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_r
 /* Begins anew. */
 void cgl_align_reset(cgl_align *align);
 
-/* Steps one period. theta_m is the measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX. It fails if theta_m is no such
- * angle, or if the rotor does not follow the field, or turns against it: then two phases are swapped, or the encoder counts backward.
- * Once it is done or has failed, the current is 0. */
+/* Steps one period. theta_m is the measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX. The step fails if theta_m is not
+ * valid, if the rotor does not follow the field, or if it turns against the field. A rotor turns against the field if two phases are
+ * swapped, or if the encoder counts backward. Once the alignment is done or has failed, the current is 0. */
 cgl_calibration cgl_align_step(cgl_align *align, cgl_real theta_m, cgl_align_output *out);
 
 #ifdef __cplusplus

@@ -1,11 +1,13 @@
 #include "current_reference.h"
 
 #include "range.h"
+#include "square_root.h"
 
 #define USUAL_SHARE CGL_R(0.95)
-#define LARGEST_DROP CGL_R(1.0e6) /* largest voltage over the planned one; no current weakens more than that */
+#define LARGEST_DROP CGL_R(1.0e6) /* bound of a voltage drop, as a multiple of the planned voltage; field weakening cannot make up for
+                                     more */
 #define NEWTON_STEPS 7
-#define SEARCH_STEPS 26      /* they narrow the range of i_d to 4e-6 of it */
+#define SEARCH_STEPS 26      /* these steps narrow the range of i_d to 4e-6 of it */
 #define BISECTION_STEPS 20
 #define GOLDEN CGL_R(0.61803398874989484820)
 
@@ -28,38 +30,17 @@ CGL_SELDOM const char *cgl_current_reference_bad_field(const cgl_current_referen
     return cgl_is_within(saliency, CGL_SALIENCY_MAX) ? 0 : CGL_FIELD("current_reference.psi_f");
 }
 
-/* Square root; 0 for x below 1e-30 and for NaN. Factors of four bring x to [1, 4], then Newton's iteration follows. */
-CGL_SELDOM static cgl_real square_root(cgl_real x)
-{
-    cgl_real rest = x, scale = CGL_R(1.0);
-    if (!(x > CGL_R(1.0e-30))) {
-        return CGL_R(0.0);
-    }
-    for (int n = 0; n < 64 && rest > CGL_R(4.0); ++n) {
-        rest *= CGL_R(0.25);
-        scale *= CGL_R(2.0);
-    }
-    for (int n = 0; n < 64 && rest < CGL_R(1.0); ++n) {
-        rest *= CGL_R(4.0);
-        scale *= CGL_R(0.5);
-    }
-    cgl_real root = CGL_R(0.7) + CGL_R(0.34) * rest;
-    for (int n = 0; n < 4; ++n) {
-        root = CGL_R(0.5) * (root + rest / root);
-    }
-    return root * scale;
-}
-
-/* The d-axis current of most torque at the current limit, as a share of it: of x (x - 1) = y^2 with x = saliency d, y = saliency q. */
+/* Returns the d-axis current of most torque at the current limit, as a share of the limit. It solves x (x - 1) = y^2 with x = saliency d
+ * and y = saliency q. */
 CGL_SELDOM static cgl_real d_at_limit(cgl_real saliency)
 {
-    return CGL_R(-2.0) * saliency / (CGL_R(1.0) + square_root(CGL_R(1.0) + CGL_R(8.0) * saliency * saliency));
+    return CGL_R(-2.0) * saliency / (CGL_R(1.0) + cgl_square_root(CGL_R(1.0) + CGL_R(8.0) * saliency * saliency));
 }
 
-/* The largest q-axis current beside d, both as shares of the limit. */
+/* Returns the largest q-axis current that the limit leaves beside the d-axis current d. Both are shares of the limit. */
 static cgl_real q_at_limit(cgl_real d)
 {
-    return square_root(CGL_R(1.0) - d * d);
+    return cgl_square_root(CGL_R(1.0) - d * d);
 }
 
 CGL_SELDOM cgl_error cgl_current_reference_init(cgl_current_reference *currents,
@@ -86,12 +67,13 @@ CGL_SELDOM cgl_error cgl_current_reference_init(cgl_current_reference *currents,
     return CGL_OK;
 }
 
-/* The d-axis current of least current for a torque; both are shares of the limit. With x = -saliency d, the condition of least current
- * is (saliency q)^2 = x (1 + x), so x (1 + x)^3 = (saliency torque)^2. Newton's iteration falls towards x from above. */
+/* Returns the d-axis current with which a torque takes the least current; both are shares of the limit. With x = -saliency d, the
+ * condition of least current is (saliency q)^2 = x (1 + x). So x (1 + x)^3 = (saliency torque)^2. Newton's iteration falls towards x
+ * from above. */
 CGL_SELDOM static cgl_real d_of_least_current(cgl_real saliency, cgl_real torque)
 {
     const cgl_real size = cgl_abs(saliency) * torque, square = size * size;
-    cgl_real x = size < CGL_R(1.0) ? square : square_root(size);
+    cgl_real x = size < CGL_R(1.0) ? square : cgl_square_root(size);
     if (!(x > CGL_R(0.0))) {
         return CGL_R(0.0);
     }
@@ -102,15 +84,17 @@ CGL_SELDOM static cgl_real d_of_least_current(cgl_real saliency, cgl_real torque
     return -x / saliency;
 }
 
-/* Voltage drops at the current limit and at this speed, over the planned voltage. The square of the voltage is
- * (r d - side x_q q)^2 + (side r q + flux + x_d d)^2, at currents d and q >= 0 as shares of their limit. */
+/* Voltage drops at the current limit and the present speed, as multiples of the planned voltage. d and q >= 0 are currents as shares of the
+ * limit. The square of the voltage is
+ *
+ *   (r d - side x_q q)^2 + (side r q + flux + x_d d)^2 */
 typedef struct {
     cgl_real r, x_d, x_q, flux; /* by resistance, inductances and magnets; all >= 0 */
     cgl_real side;              /* 1: the motor drives; -1: it brakes */
     cgl_real saliency;
 } plane;
 
-/* Square of the voltage beyond its limit: at most 0 within it. */
+/* The square of the voltage, less the square of its limit, which is 1. The result is at most 0 if the voltage is within its limit. */
 static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
 {
     const cgl_real u_d = at->r * d - at->side * at->x_q * q;
@@ -118,8 +102,9 @@ static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
     return u_d * u_d + u_q * u_q - CGL_R(1.0);
 }
 
-/* Largest torque beside d within current and voltage. Where none is, minus the least excess of the voltage: so there is one maximum
- * over d, as the logarithm of the torque and the excess are concave and convex. */
+/* Returns the largest torque with the d-axis current d within the limits of current and voltage. If no torque is possible, it returns
+ * minus the least excess of the voltage. So there is only one maximum over d: the logarithm of the torque is concave, and the excess is
+ * convex. */
 CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
 {
     const cgl_real q_max = q_at_limit(d);
@@ -133,23 +118,23 @@ CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
         if (!(least <= CGL_R(0.0))) {
             return -least;
         }
-        /* a (q - deepest)^2 = -least - a (q_least - deepest)^2, where the second term is zero or b > 0 */
+        /* the excess is a q^2 + 2 b q + c: q is its larger root */
         const cgl_real c = excess(at, d, CGL_R(0.0));
-        q = (square_root(b * b - a * c) - b) / a;
+        q = (cgl_square_root(b * b - a * c) - b) / a;
         q = q < q_least ? q_least : (q < q_max ? q : q_max);
     }
     return q * (CGL_R(1.0) - at->saliency * d);
 }
 
-/* The d-axis current of the largest torque, by golden section. */
+/* Returns the d-axis current of the largest torque, by golden section. */
 CGL_SELDOM static cgl_real d_of_largest_torque(const plane *at, cgl_real *torque)
 {
     cgl_real low = CGL_R(-1.0), high = CGL_R(1.0);
-    if (at->saliency < CGL_R(-1.0)) { /* where 1 - saliency d is not negative */
+    if (at->saliency < CGL_R(-1.0)) { /* only where 1 - saliency d is not negative */
         low = CGL_R(1.0) / at->saliency;
     } else if (at->saliency > CGL_R(1.0)) {
         high = CGL_R(1.0) / at->saliency;
-    } else { /* everywhere */
+    } else { /* no bound is needed */
     }
     cgl_real left = high - GOLDEN * (high - low), right = low + GOLDEN * (high - low);
     cgl_real at_left = largest_torque(at, left), at_right = largest_torque(at, right);
@@ -172,14 +157,14 @@ CGL_SELDOM static cgl_real d_of_largest_torque(const plane *at, cgl_real *torque
     return at_left > at_right ? left : right;
 }
 
-/* Whether current and voltage allow a torque beside d. */
+/* Whether the limits of current and voltage allow a torque with the d-axis current d. */
 static bool is_possible(const plane *at, cgl_real d, cgl_real torque)
 {
     const cgl_real q = torque / (CGL_R(1.0) - at->saliency * d);
     return d * d + q * q <= CGL_R(1.0) && excess(at, d, q) <= CGL_R(0.0);
 }
 
-/* The d-axis current nearest to the wanted one that allows the torque. A torque beyond the largest is shortened to it. */
+/* Returns the d-axis current nearest to `wanted` that allows the torque. A torque beyond the largest is reduced to the largest. */
 CGL_SELDOM static cgl_real weakened(const plane *at, cgl_real wanted, cgl_real *torque)
 {
     cgl_real largest, outside = wanted;
@@ -199,7 +184,7 @@ CGL_SELDOM static cgl_real weakened(const plane *at, cgl_real wanted, cgl_real *
     return inside;
 }
 
-/* A voltage drop over the planned voltage. */
+/* Returns a voltage drop as a multiple of the planned voltage, limited to LARGEST_DROP. */
 static cgl_real drop(cgl_real voltage, cgl_real planned)
 {
     const cgl_real ratio = voltage / planned;

@@ -1,7 +1,8 @@
-/* Currents for the torque that a law asks for, once per period of the law: most torque per current, and field weakening.
+/* Turns the torque that a law asks for into current references, once per period of the law. It does two things: most torque per current
+ * (MTPA), and field weakening.
  *
- * With this block a law's i_q_ref, its limit and the measured i_q are equivalent q-axis currents: torque / (1.5 pole_pairs psi_f). With
- * i_d = 0, or L_d = L_q, these are the q-axis currents themselves. The block turns the equivalent current into i_d and i_q:
+ * With this block the law's i_q_ref, its limit and its measured i_q are equivalent q-axis currents. An equivalent current is torque / (1.5
+ * pole_pairs psi_f). If i_d = 0 or L_d = L_q, it is the q-axis current itself. The block turns the equivalent current into i_d and i_q:
  *
  *   cgl_current_reference_init(&currents, &config, &drive);    after cgl_drive_init, before the law's init
  *
@@ -29,31 +30,31 @@ typedef struct {
     cgl_real L_d, L_q;      /* inductances [H], >= 0 */
     cgl_real psi_f;         /* magnet flux linkage, peak per phase [V s], > 0 */
     cgl_real R_s;           /* resistance of a phase [ohm], >= 0; only field weakening uses it */
-    cgl_real voltage_share; /* part of the largest voltage that field weakening plans with, to 1; 0 for the default 0.95 */
+    cgl_real voltage_share; /* share of the largest voltage that field weakening uses, to 1; 0: default 0.95 */
 } cgl_current_reference_config;
 
 typedef struct {
     cgl_current_reference_config config;
-    cgl_real current_limit; /* of the drive's current loop [A] */
-    cgl_real share;         /* largest planned voltage over bus voltage */
+    cgl_real current_limit; /* limit of the drive's current loop [A] */
+    cgl_real share;         /* largest planned voltage, as a share of the bus voltage */
     cgl_real saliency;      /* (L_q - L_d) current_limit / psi_f */
-    cgl_real reach;         /* largest equivalent current over current_limit, >= 1 */
+    cgl_real reach;         /* largest equivalent current, as a multiple of current_limit, >= 1 */
 } cgl_current_reference;
 
 /* The first field that init refuses, as CGL_FIELD; NULL: none. current_limit is that of the current loop. */
 const char *cgl_current_reference_bad_field(const cgl_current_reference_config *config, cgl_real current_limit);
 
-/* Copies the config, and raises the drive's loop.current_limit to the largest equivalent current. The drive has had its init or retune,
- * and controls its currents itself: a foreign one is refused. */
+/* Copies the config, and raises the drive's loop.current_limit to the largest equivalent current. Call it after the init and each retune
+ * of the drive. A drive with a foreign current loop is refused. */
 cgl_error cgl_current_reference_init(cgl_current_reference *currents, const cgl_current_reference_config *config,
                                      cgl_drive *drive);
 
-/* Turns the law's output into current references within current_limit. An output beyond the torque that current and voltage allow is
- * shortened, which the law gets told like a limit of the current loop. A speed or bus voltage that is not finite or not positive
- * leaves out field weakening. */
+/* Turns the law's output into current references within current_limit. If current and voltage do not allow the torque, the torque is
+ * reduced. The drive then counts the current loop as saturated. Field weakening is left out if the speed is not finite, or if the bus
+ * voltage is not finite or not positive. */
 void cgl_current_reference_step(const cgl_current_reference *currents, cgl_drive *drive);
 
-/* Controls the currents as cgl_drive_actuate(), and keeps the equivalent of the measured ones for the law. */
+/* Controls the currents as cgl_drive_actuate() does. Then gives the law the equivalent of the measured currents as its i_q. */
 void cgl_current_reference_actuate(const cgl_current_reference *currents, cgl_drive *drive, cgl_drive_output *out);
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
-/* Compensation of the inverter's dead time. While both transistors of a leg are off, and across the devices that conduct, the leg loses
- * voltage, with the sign of its phase current. This part adds that voltage. It takes the sign from the current reference, which has no
- * noise: delayed as the current loop delays it, and at the angle where the voltage will act. Within a band about zero current the sign
- * is uncertain, so the correction is linear there.
+/* Compensation of the inverter's dead time. A leg loses voltage while both its transistors are off, and across the devices that conduct.
+ * The lost voltage has the sign of the phase current. This part adds that voltage. It takes the sign from the current reference, because
+ * the reference has no noise. The reference is delayed as the current loop delays it, and taken at the angle where the voltage will act. In
+ * a band about zero current the sign is uncertain, so the correction is linear there.
  *
  * After the current loop's step, once per period:
  *
@@ -32,10 +32,10 @@ typedef struct {
 typedef struct {
     cgl_dead_time_config config;
     cgl_real ts;       /* period of the current loop [s] */
-    cgl_real ahead;    /* time until the voltage acts, advance ts [s] */
+    cgl_real ahead;    /* time from sampling until the voltage acts, advance * ts [s] */
     cgl_real share;    /* dead time as a share of the period */
     cgl_real per_band; /* 1 / band [1/A] */
-    cgl_real follow;   /* share of the way to the reference that the delayed reference moves in a period */
+    cgl_real follow;   /* share of the way to the present reference that the delayed reference moves in a period */
     cgl_real i_d, i_q; /* the delayed reference [A] */
 } cgl_dead_time;
 
@@ -47,7 +47,7 @@ void cgl_dead_time_reset(cgl_dead_time *dead_time);
 /* Replaces the config at run time, within the ranges that init accepts. */
 cgl_error cgl_dead_time_retune(cgl_dead_time *dead_time, const cgl_dead_time_config *config);
 
-/* Corrects the duty cycles of this period in place, within [0, 1]. Of `in` it reads theta_e, omega_e, u_dc and the references. A duty
+/* Corrects the duty cycles of this period in place, within [0, 1]. It reads theta_e, omega_e, u_dc and the references of `in`. A duty
  * cycle of 0 or 1 has no edges and stays. If an input is not plausible, as cgl_foc_step() defines it, all duty cycles stay. */
 void cgl_dead_time_step(cgl_dead_time *dead_time, const cgl_foc_input *in, cgl_real duty[3]);
 

@@ -1,4 +1,4 @@
-/* exp(-x) for 0 <= x <= 2, to the last digits. It is 1 / exp(x), as the series of exp(x) has positive terms only. */
+/* exp(-x) for 0 <= x <= 2, to the last digits. It is computed as 1 / exp(x), because the series of exp(x) has positive terms only. */
 #ifndef COGLESS_DECAY_H
 #define COGLESS_DECAY_H
 

@@ -1,6 +1,6 @@
 #include "delay_line.h"
 
-#define MOVES 8U /* largest number of samples by which the place of one period ago moves in a step */
+#define MOVES 8U /* largest number of samples by which `then`, the place of one period ago, moves in a step */
 
 CGL_SELDOM bool cgl_delay_is_valid(const cgl_memory_config *config, cgl_real ts)
 {
@@ -26,13 +26,13 @@ CGL_SELDOM static uint32_t older(const cgl_memory *memory, uint32_t at)
     return at > 0U ? at - 1U : memory->row - 1U;
 }
 
-/* Number of samples from one index of the ring on to a later one. */
+/* Returns the number of samples from index `from` of the ring on to the later index `to`. */
 static uint32_t samples_to(const cgl_memory *memory, uint32_t from, uint32_t to)
 {
     return to >= from ? to - from : to + memory->row - from;
 }
 
-/* A distance in a period of length 1, as the shorter way round. */
+/* Returns a distance [periods] as the shorter way round, in (-1/2, 1/2]. */
 CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
 {
     return distance > CGL_R(0.5) ? distance - CGL_R(1.0)
@@ -41,20 +41,20 @@ CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
 
 /* ---- kind time ---- */
 
-/* Finds the sample of one period of the reference speed before the next sample. Returns false if the line is too short for the period, or
- * the Q filter too wide. */
+/* Finds the place of one period before the next sample; `speed` gives the period. Returns false if the period is longer than the line,
+ * or has fewer samples than memory->fewest. */
 CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
     const cgl_memory_config *const config = &memory->config;
     const cgl_real per_rad = (cgl_real)memory->periods / ((cgl_real)config->turns * CGL_TWO_PI);
-    const cgl_real periods = cgl_abs(speed) * memory->ts * per_rad; /* the rotor moves by so many periods in a sample */
+    const cgl_real periods = cgl_abs(speed) * memory->ts * per_rad; /* periods by which the rotor moves in a sample */
     if (!(periods > CGL_R(0.0) && periods * (cgl_real)config->cells >= CGL_R(1.0)
           && periods * (cgl_real)memory->fewest <= CGL_R(1.0))) {
         return false;
     }
     const cgl_real period = CGL_R(1.0) / periods;
-    uint32_t age = (uint32_t)cgl_clamp(period, (cgl_real)config->cells); /* rounding may put the period above the longest */
+    uint32_t age = (uint32_t)cgl_clamp(period, (cgl_real)config->cells); /* rounding may make the period longer than the line */
     age = age > config->q_half_width ? age : config->q_half_width + 1U;
     line->part = cgl_clamp(period - (cgl_real)age, CGL_R(1.0));
     const uint32_t place = line->newest + memory->row + 1U - age;
@@ -70,7 +70,7 @@ static bool is_oldest(const cgl_memory *memory)
     return line->then == (line->known < memory->row ? 0U : newer(memory, line->newest));
 }
 
-/* Rise of the angle from the sample before to this one. */
+/* Returns the rise of the angle from the sample before `at` to the sample `at`. */
 CGL_SELDOM static cgl_real rise(const cgl_memory *memory, uint32_t at)
 {
     return shorter_way(memory->cell[at] - memory->cell[older(memory, at)]);
@@ -105,13 +105,14 @@ static void invert(cgl_memory *memory)
                      : CGL_R(0.0);
 }
 
-/* Finds P_t by a step of the differential equation, with P_t in samples. */
+/* Finds P_t [samples] by a step of the differential equation. */
 static void follow_equation(cgl_memory *memory, cgl_real moved)
 {
     cgl_delay_line *const line = &memory->line;
     const cgl_real slope = rise(memory, line->then);
     const cgl_real error = line->distance - moved + line->part * slope - CGL_R(1.0);
-    line->part -= (moved + memory->config.k_pp * memory->ts * error) / slope; /* the equation has 1 - this; the 1 is there already, as every sample is one older now */
+    /* the equation has 1 minus this: the 1 needs no code, because every sample is one older now */
+    line->part -= (moved + memory->config.k_pp * memory->ts * error) / slope;
     uint32_t moves = MOVES;
     for (; moves > 0U && line->part < CGL_R(0.0) && line->then != line->newest; --moves) {
         go_newer(memory);
@@ -124,7 +125,8 @@ static void follow_equation(cgl_memory *memory, cgl_real moved)
     line->tracking = !is_oldest(memory) && line->part >= CGL_R(0.0) && line->part < CGL_R(1.0);
 }
 
-/* Finds P_t for an angle that has risen by `moved` since the newest sample. Within this function the distance is up to the present angle. */
+/* Finds P_t for an angle that has risen by `moved` since the newest sample. Within this function, `distance` ends at the present angle,
+ * not at the newest sample. */
 CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
 {
     cgl_delay_line *const line = &memory->line;
@@ -139,7 +141,7 @@ CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
     line->distance -= moved;
 }
 
-/* Finds P_t if the angle has risen, and returns whether it has. */
+/* Finds P_t if the angle has risen. Returns whether it has risen. */
 static bool find_angle(cgl_memory *memory, uint32_t place, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
@@ -157,21 +159,22 @@ static bool find_angle(cgl_memory *memory, uint32_t place, cgl_real speed)
     return true;
 }
 
-/* Stores the angle of a sample, and updates the distance. A sum of rises would drift. So the distance is the difference of two stored
- * angles, plus the whole periods, which the sum tells. */
+/* Stores the angle of a sample, and updates `distance`. A sum of rises would drift. So `distance` is the difference of two stored
+ * angles, plus whole periods. The sum of rises tells how many whole periods. */
 CGL_SELDOM static void store_angle(cgl_memory *memory, uint32_t next)
 {
     cgl_delay_line *const line = &memory->line;
     memory->cell[next] = line->x;
     const cgl_real apart = line->x - memory->cell[line->then];
     const cgl_real sum = line->known > 0U ? line->distance + rise(memory, next) : CGL_R(0.0);
-    const cgl_real most = (cgl_real)CGL_SAMPLES_MAX; /* [periods], as the angle rises by less than one in a sample */
+    const cgl_real most = (cgl_real)CGL_SAMPLES_MAX; /* bound [periods]: the angle rises by less than one period in a sample */
     line->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), most);
 }
 
-/* ---- both ---- */
+/* ---- both kinds ---- */
 
-/* The sum of 2 m + 1 samples about the place of one period ago, which is interpolated between `then` and the sample before. */
+/* Returns the sum of 2 m + 1 samples about the place of one period ago. This place is between `then` and the sample before; the sum is
+ * interpolated there. */
 CGL_SELDOM static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t m)
 {
     const uint32_t length = memory->row;
@@ -202,7 +205,7 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
     const uint32_t age = samples_to(memory, line->then, line->newest) + 1U;
     const bool found = by_time || line->tracking;
     const bool fits = age > config->q_half_width && age + config->q_half_width < length;
-    const bool reads = found && fits; /* without a sample of one period ago, the recalled value is 0 */
+    const bool reads = found && fits; /* if there is no sample of one period ago, the recalled value is 0 */
     learn = learn && ((reads && age >= memory->fewest) || (line->known < length && !line->tracking));
     const uint32_t next = line->known > 0U ? newer(memory, line->newest) : 0U;
     const uint32_t back = next + length - (config->lead <= line->known ? config->lead : 0U);

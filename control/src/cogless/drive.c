@@ -1,6 +1,6 @@
 #include "drive.h"
 
-#define POLE_PAIRS_MAX 10000U /* it keeps the electrical angle below CGL_ANGLE_MAX */
+#define POLE_PAIRS_MAX 10000U /* so the electrical angle stays below CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
 #define FULL_SHARE CGL_R(0.95) /* a current of at least this share of its limit counts as full */
 
@@ -9,7 +9,7 @@ static uint32_t phases_of(const cgl_drive_config *config)
     return config->foc.phases == 0U ? 3U : config->foc.phases;
 }
 
-/* The monitor's config. If it names no phases, it gets those of the current loop. */
+/* Returns the monitor's config. If monitor.phases is 0, it becomes the number of phases of the current loop. */
 CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *config)
 {
     cgl_monitor_config full = config->monitor;
@@ -19,7 +19,7 @@ CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *conf
     return full;
 }
 
-/* The first bad field among the drive's own, or where its parts disagree. */
+/* Returns the first bad field of the drive itself, or one in which two parts disagree; NULL: none. */
 CGL_SELDOM static const char *own_bad_field(const cgl_drive_config *config)
 {
     if (config->pole_pairs < 1U || config->pole_pairs > POLE_PAIRS_MAX) {
@@ -53,7 +53,7 @@ CGL_SELDOM const char *cgl_drive_bad_field(const cgl_drive_config *config, cgl_r
     return field != 0 ? field : cgl_quality_bad_field(&config->quality, (cgl_real)config->divider * ts);
 }
 
-/* The loop that steps a law of this drive. */
+/* Returns the loop for the init of a law of this drive. */
 CGL_SELDOM static cgl_loop loop_of(const cgl_drive_config *config, cgl_real law_period)
 {
     const cgl_real limit = config->foc.current_limit;
@@ -142,21 +142,21 @@ static bool is_busy(const cgl_drive *drive)
 }
 
 #ifndef COGLESS_NO_GUARD
-/* Applies what the guard decides; whether learning may go on. */
+/* Steps the guard, and puts its decisions into the law's input. Returns whether the law may learn. */
 static bool is_allowed(cgl_drive *drive, cgl_real error, bool wanted, bool learned)
 {
     cgl_guard *const guard = &drive->guard;
     const cgl_monitor *const monitor = &drive->monitor;
-    /* it goes on judging where the angle is off by a jump: the speed is right, and what is learned acts at wrong places */
+    /* after a jump of the angle the guard still judges: the speed is right, but what is learned acts at wrong angles */
     const bool plausible = monitor->trusted || (monitor->status & (unsigned)CGL_STATUS_ANGLE_SHIFTED) != 0U;
-    const cgl_guard_input in = {error,  monitor->omega_m, drive->in.omega_ref, plausible && !drive->off, drive->saturated,
+    const cgl_guard_input in = {error,  drive->in.omega_ref, plausible && !drive->off, drive->saturated,
                                 wanted, learned};
     cgl_guard_step(guard, &in);
     drive->in.muted = CGL_R(1.0) - guard->share;
     drive->in.gentle = guard->gentle;
-    drive->in.forget = guard->forget;
+    drive->in.forget = cgl_guard_forgets(guard);
     drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;
-    return guard->learn;
+    return cgl_guard_may_learn(guard);
 }
 #endif
 
@@ -169,7 +169,7 @@ CGL_SELDOM static void follow_rotor(cgl_law_input *in)
     in->learn = false;
 }
 
-/* Fills in the law's input. The flags `saturated` and `off` begin anew, as the law now has them. */
+/* Fills in the law's input. Clears the flags `saturated` and `off`, which count from one step of the law to the next. */
 CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
 {
     const cgl_monitor *const monitor = &drive->monitor;
@@ -199,14 +199,14 @@ CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *referen
             in->learn = false;
         }
 #endif
-    } else { /* the error of a busy law says nothing */
+    } else { /* the error of a busy law says nothing about what is learned */
     }
     drive->saturated = drive->off = false;
     drive->countdown = drive->divider - 1U;
 }
 
-/* Whether the output pushes in the direction of omega_ref and has been at its limit since the law's last step. The law or the current
- * loop reports the limit. A law may stop just below it without a report, so FULL_SHARE of the limit is enough. */
+/* Whether the output pushes with full current in the direction of omega_ref. The law or the current loop reports when the output is at
+ * its limit. A law may stop just below its limit without a report, so FULL_SHARE of the limit counts as full too. */
 CGL_SELDOM static bool is_full(const cgl_drive *drive, cgl_real omega_ref)
 {
     const cgl_real i_d = drive->currents.i_d_ref, i_q = drive->command.i_q_ref;
@@ -253,7 +253,7 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
     return true;
 }
 
-/* An output without voltage and without a current reference. */
+/* Fills in an output with zero voltage and zero current references. */
 CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
 {
     out->duty[0] = out->duty[1] = out->duty[2] = CGL_R(0.5);

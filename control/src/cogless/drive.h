@@ -1,18 +1,18 @@
-/* The whole controller of a drive, stepped once per current-loop period: it checks the measurements, prepares the law where it is
- * due, and controls the currents. The caller steps the law in between, so that a firmware links only its own:
+/* The whole controller of a drive, stepped once per current-loop period: it checks the measurements, prepares the law where it is due, and
+ * controls the currents. The caller steps the law between the two calls, so a firmware links only the law that it uses:
  *
  *   if (cgl_drive_measure(&drive, &now, &reference)) {
  *       cgl_pi_ilc_step(&law, &drive.in, &drive.command);
  *   }
  *   cgl_drive_actuate(&drive, &out);
  *
- * The law learns only if three conditions hold: the measurements are trusted, the error is no outlier, and since the law's last step
- * the current loop has followed its reference, with voltage enough and no reference beyond its limit.
+ * The law learns only if three conditions hold. The measurements are trusted. The error is no outlier. The current loop has followed its
+ * reference since the law's last step: the voltage was enough, and the reference within its limit.
  *
  * While the output is safe, the voltages are zero, the current loop starts anew, and the law is off. Open the bridge then (status
  * CGL_STATUS_OFF): zero voltage shorts a motor that turns.
  *
- * While the law's status has CGL_STATUS_BUSY, it follows a speed that the drive does not know. The drive then neither looks for a
+ * While the law's status has CGL_STATUS_BUSY, the law follows a speed that the drive does not know. The drive then neither looks for a
  * stuck angle nor counts errors. */
 #ifndef COGLESS_DRIVE_H
 #define COGLESS_DRIVE_H
@@ -34,30 +34,30 @@ extern "C" {
 typedef struct {
     uint32_t pole_pairs;   /* 1 to 10000 */
     uint32_t divider;      /* current-loop periods in a period of the law, 1 to 65535 */
-    bool foreign;          /* foreign firmware controls the currents. Then only foc.current_limit is used, 0 if it is unknown, and
-                              cgl_drive_actuate() returns the law's reference; default false */
-    bool feed_forward;     /* foreign firmware controls the speed too: the law returns only what it learns, for that firmware to
-                              add to its current reference; default false */
-    bool learn_saturated;  /* the law learns even if the current loop has fallen short of its reference. A law that learns from
-                              whole trials needs this: one such period would spoil the trial; default false */
-    bool unguarded;        /* the guard does not watch the learning; default false. COGLESS_NO_GUARD leaves guard.c out: then
-                              this must be true */
+    bool foreign;          /* true: foreign firmware controls the currents. Of foc only current_limit is used then, 0 if it is unknown,
+                              and cgl_drive_actuate() returns the law's reference; default false */
+    bool feed_forward;     /* true: foreign firmware controls the speed too. The law returns only what it learns, and the foreign
+                              firmware adds that to its current reference; default false */
+    bool learn_saturated;  /* true: the law learns even if the current loop has fallen short of its reference. A law that learns from
+                              whole trials needs this, as one such period would spoil the trial; default false */
+    bool unguarded;        /* true: the guard does not watch the learning; default false. COGLESS_NO_GUARD leaves guard.c out: then this
+                              must be true */
     cgl_foc_config foc;
-    cgl_monitor_config monitor; /* phases: 0 stands for foc.phases, or for none if the current loop is foreign; init refuses any
-                                   other number of phases than that of foc */
-    cgl_quality_config quality; /* it judges the speed error [rad/s] */
+    cgl_monitor_config monitor; /* monitor.phases = 0 stands for foc.phases, or for none if the current loop is foreign. Any other value
+                                   must equal foc.phases, unless the current loop is foreign */
+    cgl_quality_config quality; /* config of the quality measure, whose error is the speed error [rad/s] */
 } cgl_drive_config;
 
 typedef struct {
     cgl_real theta_ref; /* mechanical angle reference [rad] */
     cgl_real omega_ref; /* mechanical speed reference [rad/s] */
     cgl_real alpha_ref; /* derivative of omega_ref [rad/s^2] */
-    cgl_real i_d_ref;   /* d-axis current reference [A], usually 0. It leaves sqrt(foc.current_limit^2 - i_d_ref^2) to the law, so
-                           give the law no higher limit. A new value of this or of any field but omega_ref acts from the next
-                           period in which the law is due */
+    cgl_real i_d_ref;   /* d-axis current reference [A], usually 0. sqrt(foc.current_limit^2 - i_d_ref^2) is left for the law, so give
+                           the law no higher limit. A new i_d_ref acts from the next period in which the law is due. So do all other
+                           fields except omega_ref */
     bool learn;         /* false freezes what is learned */
-    bool torque;        /* torque mode: i_q_ref acts, and beside it what is learned, frozen. The references of angle and speed
-                           have no effect. Guard, quality and the check for a stuck angle pause */
+    bool torque;        /* true: torque mode. i_q_ref acts, plus what is learned, which is frozen. The references of angle and speed have
+                           no effect. Guard, quality and the check for a stuck angle pause */
     cgl_real i_q_ref;   /* q-axis current reference of torque mode [A], within the law's limit */
 } cgl_reference;
 
@@ -66,7 +66,7 @@ typedef cgl_foc_output cgl_drive_output;
 
 typedef struct {
     uint32_t ready;         /* CGL_READY after init */
-    bool foreign;           /* the config's flag, as are the next two */
+    bool foreign;           /* flags of the config: this one and the next two */
     bool learn_saturated;
     bool unguarded;
     bool saturated;         /* since the law's last step, the current loop has fallen short of its reference */
@@ -93,15 +93,15 @@ const char *cgl_drive_bad_field(const cgl_drive_config *config, cgl_real ts);
 /* Copies the config. ts is the period of the current loop [s], > 0. Then pass &drive->loop to the law's init. */
 cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts);
 
-/* Replaces foc, monitor, quality and learn_saturated at run time, as their own retunes do. The other fields must not change. The
- * law has its own retune. */
+/* Replaces foc, monitor, quality and learn_saturated at run time, as the retune functions of the parts do. The other fields must not
+ * change. The law has its own retune. */
 cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config);
 
 /* Starts everything but the law anew. The law is due in the next period. */
 void cgl_drive_reset(cgl_drive *drive);
 
-/* Takes the measurements of this period. Returns whether the law is due: then step it, from drive->in to drive->command. Without a
- * successful init it does nothing, and cgl_drive_actuate() returns zeros with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
+/* Takes the measurements of this period. Returns whether the law is due. If so, step the law, from drive->in to drive->command. Without
+ * a successful init this function does nothing, and cgl_drive_actuate() returns zeros with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference);
 

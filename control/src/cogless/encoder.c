@@ -1,6 +1,6 @@
 #include "encoder.h"
 
-/* 2^64 / counts, digit by digit: a 32-bit processor has no division that wide. */
+/* Returns 2^64 / counts, digit by digit. A 32-bit processor has no division that wide. */
 CGL_SELDOM static uint64_t turns_per_count(uint32_t counts)
 {
     uint32_t rest = UINT32_MAX % counts, low = 0U;
@@ -34,7 +34,7 @@ static bool is_reading(const cgl_encoder *encoder, uint32_t reading)
     return encoder->config.range == 0U || reading < encoder->config.range;
 }
 
-/* (position + by) modulo counts; both are below counts. */
+/* Returns (position + by) modulo counts; both are below counts. */
 static uint32_t on(const cgl_encoder *encoder, uint32_t position, uint32_t by)
 {
     const uint32_t left = encoder->config.counts - position;
@@ -47,7 +47,7 @@ static void put(cgl_encoder *encoder, uint32_t position)
     encoder->turns = (uint32_t)((position * encoder->per_count) >> 32U);
 }
 
-/* The counts from one reading to another on the shorter way. `forward` says whether the angle grows on that way. */
+/* Returns the counts from one reading to another on the shorter way. `forward` says whether the angle grows on that way. */
 static uint32_t moved(const cgl_encoder *encoder, uint32_t from, uint32_t to, bool *forward)
 {
     const uint32_t range = encoder->config.range; /* 0 stands for 2^32: unsigned subtraction wraps there */
@@ -63,7 +63,7 @@ static void move(cgl_encoder *encoder, uint32_t by, bool forward)
     put(encoder, on(encoder, encoder->position, forward || part == 0U ? part : counts - part));
 }
 
-/* Sets the position to that of an absolute encoder's word. */
+/* Sets the position from the word of an absolute encoder. */
 static void put_word(cgl_encoder *encoder, uint32_t word)
 {
     const uint32_t counts = encoder->config.counts, zero = encoder->config.zero;

@@ -1,7 +1,7 @@
 /* Mechanical angle from the register of a quadrature counter, or from the word of an absolute encoder.
  *
- * The register wraps at any number. The difference of two readings is the shorter of the two ways round, so read the register before
- * it has moved by half of its range. The angle of an incremental encoder is right from its index pulse on, or from a call of
+ * The register may wrap at any number. The difference of two readings is taken as the shorter of the two ways round. So read the register
+ * before it has moved by half of its range. The angle of an incremental encoder is right from its index pulse on, or from a call of
  * cgl_encoder_place():
  *
  *   cgl_encoder_step(&encoder, board_counter());
@@ -21,8 +21,8 @@ extern "C" {
 
 typedef struct {
     uint32_t counts; /* counts in a revolution, four per line of a quadrature encoder, 2 to 2^32 - 1 */
-    uint32_t range;  /* the register runs from 0 to range - 1: 65536 for 16 bits; 0: 2^32; at least 4. An absolute encoder
-                        needs the value of `counts` here */
+    uint32_t range;  /* the register runs from 0 to range - 1. range is 65536 for 16 bits, and 0 stands for 2^32; any other value is at
+                        least 4. An absolute encoder needs the value of `counts` here */
     uint32_t zero;   /* position at the index pulse, or the word of an absolute encoder at angle zero, below counts, default 0 */
     bool absolute;   /* the register is the position; default false */
     bool backward;   /* the register falls as the angle grows; default false */
@@ -32,8 +32,8 @@ typedef struct {
     cgl_encoder_config config;
     uint64_t per_count; /* 2^64 / counts */
     uint32_t reading;   /* the register's last value */
-    uint32_t count;     /* counts moved forward less those backward, for a speed estimate; wraps at 2^32 */
-    uint32_t position;  /* place of the rotor, from angle zero [counts], below config.counts */
+    uint32_t count;     /* counts moved forward minus counts moved backward, for a speed estimate; wraps at 2^32 */
+    uint32_t position;  /* position of the rotor from angle zero [counts], below config.counts */
     uint32_t turns;     /* mechanical angle; 2^32 is a revolution */
     bool placed;        /* the angle is right: the encoder is absolute, or its index has passed, or its place was set */
 } cgl_encoder;

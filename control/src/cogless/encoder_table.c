@@ -7,8 +7,9 @@
 
 #define ORDER_MAX 1000U
 #define SETTLED CGL_R(10.0)    /* the observer has settled after this many time constants */
-#define FAR CGL_R(0.2)         /* a larger difference of sensor and prediction is no error of a sensor, and is not learned [rad] */
-#define LOST CGL_R(1.5)        /* beyond this difference the observer restarts at the sensor's angle and speed, and keeps its acceleration [rad] */
+#define FAR CGL_R(0.2)         /* a larger difference of sensor and prediction is no error of the sensor, and is not learned [rad] */
+#define LOST CGL_R(1.5)        /* beyond this difference the observer restarts at the sensor's angle and speed; its acceleration stays
+                                  [rad] */
 #define SETTLE_MAX CGL_R(1.0e9) /* largest number of steps to settle */
 
 static bool is_valid(const cgl_encoder_table_config *config)
@@ -86,7 +87,7 @@ CGL_SELDOM cgl_error cgl_encoder_table_retune(cgl_encoder_table *table, const cg
     return CGL_OK;
 }
 
-/* The difference of the angle and its prediction [rad]. If it is beyond LOST, the observer starts anew. */
+/* Returns the difference of the angle and its prediction [rad]. If the difference is beyond LOST, the observer starts anew. */
 static cgl_real residual(cgl_encoder_table *table, cgl_real theta, cgl_real omega, cgl_real i_q)
 {
     cgl_angle_observer *const observer = &table->observer;
@@ -108,7 +109,7 @@ typedef struct {
     cgl_real sine, cosine;
 } wave;
 
-/* Sine and cosine of an order at an angle. */
+/* Returns sine and cosine of an order at an angle. */
 static wave wave_at(cgl_real theta, uint32_t order)
 {
     wave at;

@@ -1,20 +1,21 @@
 /* Corrects the position sensor's own error, such as that of an eccentric encoder. It learns the error while the motor turns fast, and
- * corrects it at any speed. Correct the angle before any other use, and the speed that is estimated from the angle. Then a map learns
- * the motor and not the sensor.
+ * corrects it at any speed. Correct the angle before any other use. Correct the speed too that is estimated from the angle. Then a map
+ * learns the motor and not the sensor.
  *
- * The error is a sum of a few low orders of the angle, cos and sin of each, whose amplitude does not depend on the speed. The angle of a
- * torque ripple falls with the square of the speed, because of the inertia. Above omega_min, an observer predicts the angle from the
- * motor's current, and the sensor corrects it slowly. A difference of sensor and prediction that has one of the orders is then an error
- * of the sensor:
+ * The error is a sum of a few low orders of the angle, cos and sin of each, whose amplitude does not depend on the speed. The angle ripple
+ * that a torque ripple makes falls with the square of the speed, because of the inertia. Above omega_min, an observer predicts the angle
+ * from the motor's current, and the sensor slowly corrects the prediction. A difference of sensor and prediction that has one of the orders
+ * is then an error of the sensor:
  *
  *   e = theta - c(theta) - predicted,   a_n += 2 gain ts cos(n theta) e,   b_n += 2 gain ts sin(n theta) e
  *   c(theta) = sum of a_n cos(n theta) + b_n sin(n theta)
  *   theta_m = theta - c(theta)
  *
- * The prediction needs the current: the control loop makes the rotor follow the sensor's error, so without it the error would not show.
+ * The prediction needs the current, because the control loop makes the rotor follow the sensor's error. A prediction without the current
+ * would follow too, and the error would not show.
  *
- * A measured speed is the mean over a window of time. Its error is the difference of the angle errors at both ends of the window, divided
- * by that time. Correct the angle first, then the speed:
+ * A measured speed is the mean over a window of time. The error of this speed is the difference of the angle errors at both ends of the
+ * window, divided by the window's time. Correct the angle first, then the speed:
  *
  *   now.theta_m = cgl_radians(encoder.turns);
  *   cgl_encoder_table_step(&table, &now, drive.i_q, learn);
@@ -45,20 +46,21 @@ typedef struct {
     uint32_t orders;                          /* number of orders, 1 to CGL_ENCODER_TABLE_ORDERS */
     uint32_t order[CGL_ENCODER_TABLE_ORDERS]; /* orders of the mechanical revolution, rising, from 1 to 1000 */
     cgl_real gain;                            /* 1 / time constant of learning [1/s], >= 0, well below omega_min */
-    cgl_real omega_min;                       /* it learns above this mechanical speed [rad/s], > 0 */
+    cgl_real omega_min;                       /* the table learns above this mechanical speed [rad/s], > 0 */
     cgl_real bandwidth;                       /* bandwidth of the observer [rad/s], > 0, at most a third of omega_min order[0] */
     cgl_real b;                               /* acceleration per current, K_t / J [rad/s^2/A], >= 0 */
-    cgl_real limit;                           /* each coefficient stays within +-limit [rad], > 0, up to 1 / order[] */
+    cgl_real limit;                           /* each coefficient stays within +-limit [rad], > 0, up to 1 / the highest order */
 } cgl_encoder_table_config;
 
 typedef struct {
     cgl_encoder_table_config config;
     cgl_angle_observer observer;
-    cgl_real a[CGL_ENCODER_TABLE_ORDERS], c[CGL_ENCODER_TABLE_ORDERS]; /* learned coefficients of cosine and sine [rad]; they may be saved and restored */
+    cgl_real a[CGL_ENCODER_TABLE_ORDERS], c[CGL_ENCODER_TABLE_ORDERS]; /* learned coefficients of cosine and sine [rad]; they may be
+                                                                          saved and restored */
     cgl_real theta;  /* uncorrected angle of the last step [rad] */
-    cgl_real error;  /* error that the last step took out of that angle [rad] */
-    uint32_t settle; /* number of steps until the observer has settled, 10 of its time constants */
-    uint32_t wait;   /* number of those steps still to come */
+    cgl_real error;  /* error that the last step subtracted from that angle [rad] */
+    uint32_t settle; /* number of steps in which the observer settles, 10 of its time constants */
+    uint32_t wait;   /* number of these steps that are still to come */
     bool learning;   /* the last step has learned */
 } cgl_encoder_table;
 
@@ -68,13 +70,13 @@ cgl_error cgl_encoder_table_init(cgl_encoder_table *table, const cgl_encoder_tab
 /* Clears what is learned. */
 void cgl_encoder_table_reset(cgl_encoder_table *table);
 
-/* Replaces the config at run time, within the ranges that init accepts; the orders must not change. What is learned stays, within the new
- * limit. */
+/* Replaces the config at run time, within the ranges that init accepts. The orders must not change. What is learned stays, within the
+ * new limit. */
 cgl_error cgl_encoder_table_retune(cgl_encoder_table *table, const cgl_encoder_table_config *config);
 
-/* Corrects theta_m of `now`, and learns if `learn` is true and the rotor turns fast enough. The step reads omega_m, and leaves it as
- * it is; the speed of the last period is good enough. i_q: measured current [A]. If angle or speed is not finite, or the angle is
- * beyond CGL_ANGLE_MAX, the angle stays as it is and learning waits. */
+/* Corrects theta_m of `now`, and learns if `learn` is true and the rotor turns fast enough. omega_m of `now` is read and not changed. It
+ * may be the speed of the last period. i_q: measured current [A]. If angle or speed is not finite, or the angle is beyond CGL_ANGLE_MAX,
+ * the angle stays as it is and learning waits. */
 void cgl_encoder_table_step(cgl_encoder_table *table, cgl_measurement *now, cgl_real i_q, bool learn);
 
 /* Returns the speed omega_m [rad/s] without the sensor's error. omega_m is the mean speed over the window `time` [s], as cgl_speed_count or

@@ -2,7 +2,7 @@
  *
  *   f(p) = sum_i num[i] y_ref(p + preview - i) - sum_{j >= 1} den[j] f(p - j)
  *
- * Before its first sample the reference has that value, and after its last sample it keeps that one. */
+ * Before its first sample the reference has the value of the first sample. After its last sample it has the value of the last sample. */
 #ifndef COGLESS_FEEDFORWARD_H
 #define COGLESS_FEEDFORWARD_H
 
@@ -20,7 +20,7 @@ extern "C" {
 typedef struct {
     uint32_t numerator;                 /* number of coefficients in num, 0 to CGL_FEEDFORWARD_TAPS; 0: no feedforward; default 0 */
     uint32_t denominator;               /* number of coefficients in den, 1 to CGL_FEEDFORWARD_TAPS; 1: no recursion */
-    uint32_t preview;                   /* the filter looks ahead by this [samples], 0 to 65535 */
+    uint32_t preview;                   /* the filter looks ahead by this many samples [samples], 0 to 65535 */
     cgl_real num[CGL_FEEDFORWARD_TAPS]; /* [output/reference], finite */
     cgl_real den[CGL_FEEDFORWARD_TAPS]; /* den[0] = 1, all roots inside the unit circle */
 } cgl_feedforward_config;

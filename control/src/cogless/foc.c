@@ -4,6 +4,7 @@
 #include "duties.h"
 #include "range.h"
 #include "sine.h"
+#include "square_root.h"
 #include "transform.h"
 
 #define BUS_MIN CGL_R(1.0e-30) /* lowest bus voltage with a finite reciprocal [V] */
@@ -32,7 +33,7 @@ CGL_SELDOM const char *cgl_foc_bad_field(const cgl_foc_config *config, cgl_real 
     return cgl_is_positive(ts) ? 0 : CGL_FIELD("ts");
 }
 
-/* Takes a valid config, and what follows from it. */
+/* Stores a valid config and the values that follow from it. */
 CGL_SELDOM static void take(cgl_foc *foc, const cgl_foc_config *config)
 {
     foc->config = *config;
@@ -72,23 +73,13 @@ typedef struct {
     cgl_real d, q;
 } vector;
 
-/* Square root of x in [1, 2]. Newton's iteration starts at the best straight line, and takes the same time for every x. */
-CGL_SELDOM static cgl_real square_root(cgl_real x)
-{
-    cgl_real root = CGL_R(0.59) + CGL_R(0.4142) * x;
-    for (int n = 0; n < 3; ++n) {
-        root = CGL_R(0.5) * (root + x / root);
-    }
-    return root;
-}
-
-/* A component with its sign and a new size >= 0, which rounding may not make larger than it was. */
+/* Returns a component with its sign and a new size >= 0. Rounding cannot make it larger than it was. */
 CGL_SELDOM static cgl_real with_size(cgl_real component, cgl_real size)
 {
     return cgl_clamped(size, cgl_abs(component)) * cgl_sign(component);
 }
 
-/* x, shortened to this length if it is longer. A component that is not finite counts as zero. */
+/* Returns x, shortened to this length if it is longer. A component that is not finite counts as zero. */
 CGL_SELDOM static vector shortened(vector x, cgl_real length)
 {
     x.d = cgl_finite_or_zero(x.d);
@@ -98,29 +89,29 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
     if (!(u * u + v * v > CGL_R(1.0))) {
         return x;
     }
-    /* the ratio of the components cannot overflow, and their squares could */
+    /* the squares of the components could overflow, their ratio cannot */
     const bool steep = cgl_abs(x.q) > cgl_abs(x.d);
     const cgl_real ratio = steep ? x.d / x.q : x.q / x.d;
-    const cgl_real longer = length / square_root(CGL_R(1.0) + ratio * ratio);
+    const cgl_real longer = length / cgl_root_of_1_to_4(CGL_R(1.0) + ratio * ratio);
     const cgl_real shorter = longer * cgl_abs(ratio);
     x.d = with_size(x.d, steep ? shorter : longer);
     x.q = with_size(x.q, steep ? longer : shorter);
     return x;
 }
 
-/* Whether x has a smaller component than another vector. Shortening a reference as long as the limit changes nothing. */
+/* Whether a component of x is smaller than that of the other vector. A vector exactly as long as its limit is not made shorter. */
 static bool is_shorter(vector x, vector than)
 {
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-/* The error that the integral gets: without the part whose voltage is missing. */
+/* Returns the error for the integral: less the part whose voltage was cut off. */
 static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 {
     return kp > CGL_R(0.0) ? error + missing / kp : error;
 }
 
-/* The output at a fault: no voltage. */
+/* Sets the output at a fault: zero voltage. */
 CGL_SELDOM static void safe(const cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 {
     const vector wanted = {in->i_d_ref, in->i_q_ref};
@@ -169,7 +160,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
         u.q += omega_e * (config->L_d * i_d + config->psi_f);
     }
 
-    /* a current that is not finite makes both voltages so, whatever the gains */
+    /* a current that is not finite makes both voltages not finite, with any gains */
     const cgl_real per_bus = CGL_R(1.0) / u_dc;
     const cgl_real longest = two_phases ? CGL_R(1.0) : CGL_R(0.57735026918962576451); /* longest voltage as a share of the bus voltage */
     const cgl_real u_max = u_dc * longest;

@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-#define CGL_CURRENT_MAX CGL_R(1.0e5) /* largest current limit [A]: a value beyond it is a slip of units */
+#define CGL_CURRENT_MAX CGL_R(1.0e5) /* largest current limit [A]: a larger value is probably in a wrong unit */
 
 typedef struct {
     cgl_real kp_d, ki_d;    /* d-axis gains [V/A], [V/A/s], >= 0 */
@@ -29,7 +29,7 @@ typedef struct {
     cgl_foc_config config;
     cgl_real ts;                     /* sampling period [s] */
     cgl_real ahead;                  /* time from sampling until the voltage acts [s] */
-    cgl_real rise_d, rise_q;         /* growth of an integral in a period, per error [V/A] */
+    cgl_real rise_d, rise_q;         /* growth of an integral in a period, divided by the error [V/A] */
     cgl_real integral_d, integral_q; /* integral parts of the voltage [V] */
     cgl_real lost_d, lost_q;         /* rounding errors of the integrals, to be added [V] */
 } cgl_foc;
@@ -60,11 +60,11 @@ cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config);
 
 void cgl_foc_reset(cgl_foc *foc);
 
-/* PI control of i_d and i_q with speed voltages fed forward. Vectors that are too long are shortened and keep their angle: the reference
- * to current_limit, the voltage to u_dc / sqrt(3), or to u_dc with two phases. The integrals follow the shortened voltage (back
- * calculation). A reference that is not finite counts as zero. A fault gives zero voltage, holds the integrals and sets
- * CGL_STATUS_FAULT. Faults are: a current, angle, speed or bus voltage that is not finite; a bus voltage below 1e-30 V; an angle beyond
- * CGL_ANGLE_MAX, as measured or where the voltage will act. */
+/* PI control of i_d and i_q with speed voltages fed forward. Vectors that are too long are shortened, and keep their angle. The limit of
+ * the reference is current_limit. The limit of the voltage is u_dc / sqrt(3), or u_dc with two phases. The integrals follow the
+ * shortened voltage (back calculation). A reference that is not finite counts as zero. A fault gives zero voltage, holds the integrals
+ * and sets CGL_STATUS_FAULT. Faults are: a current, angle, speed or bus voltage that is not finite; a bus voltage below 1e-30 V; an
+ * angle beyond CGL_ANGLE_MAX, now or when the voltage will act. */
 void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
 
 #ifdef __cplusplus

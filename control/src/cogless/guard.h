@@ -1,29 +1,23 @@
-/* A guard that acts: where learning leaves more speed ripple than the same feedback alone, it stops and fades out.
+/* A guard against harmful learning. It tests what is learned against the same feedback without it, and takes it away if it does harm.
  *
- * A window is four quarters. Each quarter is whole quarter turns of the reference, and at least a sixteenth of a second. The
- * ripple of a window has two parts. The slow part is the variance of the speed error averaged over two samples, so that the
- * counts of an encoder cancel. The fast part is the mean square of half the difference of two samples, which that average hides.
- * A window is judged by its slow part, and by as much of its fast part as exceeds 1.18 times that without learning.
+ * The ripple of a window is the mean square of the speed error's deviation from its mean over a turn. s is the share of what is learned
+ * that acts. In a test nothing is learned, so the error changes in proportion to s. The ripple P(s) is then a parabola that opens upwards.
+ * A test has two parts:
  *
- * The baseline b of a speed is the ripple without learning. It is that of a calm window before learning begins, or that of a
- * probe. A drive that runs up waits for a calm window, but no longer than 3 s and a turn. A drive that is at its reference in
- * the first sample learns at once, without a baseline. Its first window of learning, or a first quarter that was twice as large,
- * stands in for it. After three turns and two seconds learning goes on only while there is less ripple than that. After sixteen
- * turns and four seconds a fifth of it is proof, and anything else leads to a probe. A fall that began in the first quarter
- * leads to one too, since it may have been the drive's own start. A burst needs no whole window: a quarter with 72 times its
- * squares ends at once.
+ *   PART   s = 3/4. P(0) is at least 4 P(3/4) - 3 P(1). If P(1) is at most 1.18 times this bound, what is learned does no harm, and the
+ *          test ends. It adds only a sixteenth of the ripple that ALONE adds
+ *   ALONE  s = 0, if PART proved nothing or was skipped after a suspicion. P(1) > 1.18 P(0) is evidence of harm, anything else is not
  *
- *   IDLE    nothing has been learned yet: measures b -> LEARN
- *   LEARN   a window is a strike beyond 1.18 b, and two beyond 4 b; three strikes or a burst -> HOLD
- *   HOLD    learning stands still, and what is learned acts. Below the bar -> LEARN; above it and not falling, or a burst -> PROBE
- *   PROBE   nothing learned acts: measures b. The ripple was too much, and was learned at this speed -> CLEAR, then gentler;
- *           it was learned at another speed -> MUTE; it was not too much -> LEARN, with more strikes from then on
- *   CLEAR   what is learned is cleared cell by cell, for one turn -> LEARN
- *   MUTE    nothing learned acts for some windows, or until the speed is another -> CLEAR, or LEARN at the other speed
+ * Each part also gives the bar, the ripple with which every window of learning is compared: P(0) from ALONE; from PART its lower bound,
+ * or P(1) if that is more. A burst is a ripple of 16 times the bar. A burst, or windows above the bar, are a suspicion.
  *
- * A gentler step holds from a speed upwards. It is taken back after a while without trouble, and later each time. At the last
- * step nothing is learned. The guard does not see ripple that the sampled speed does not show, nor speeds whose reference never
- * rests. */
+ *   START  Nothing has been learned yet. Measures the bar -> LEARN. If the rotor is at its reference in the first sample, LEARN begins at
+ *          once, and its first window gives the bar
+ *   LEARN  A test is due after 16 windows, then after 32, 64, up to 1024. A burst or two windows above the bar lead to a test -> HOLD
+ *   HOLD   What is learned acts, but is frozen. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If the ripple falls
+ *          below the bar again, learning itself was the fault: one count of evidence -> LEARN
+ *   FORGET Four counts of evidence convict: what is learned is cleared -> MUTE. A table that nobody learns goes to MUTE at once
+ *   MUTE   Nothing learned acts. Measures the bar. Then learning goes on more gently -> LEARN. A table acts again after a long while */
 #ifndef COGLESS_GUARD_H
 #define COGLESS_GUARD_H
 
@@ -36,94 +30,61 @@
 extern "C" {
 #endif
 
-#define CGL_GUARD_SPEEDS 8U /* speeds for which a baseline is remembered */
-#define CGL_GUARD_STEPS 6U  /* each learns more gently than the one before, and at the last nothing is learned */
+#define CGL_GUARD_STEPS 6U /* number of steps of gentle learning: each learns more gently than the one before, and the last learns
+                              nothing */
 
-typedef enum { CGL_GUARD_IDLE, CGL_GUARD_LEARN, CGL_GUARD_HOLD, CGL_GUARD_PROBE, CGL_GUARD_CLEAR, CGL_GUARD_MUTE } cgl_guard_phase;
+typedef enum {
+    CGL_GUARD_START,
+    CGL_GUARD_LEARN,
+    CGL_GUARD_HOLD,
+    CGL_GUARD_PART,
+    CGL_GUARD_ALONE,
+    CGL_GUARD_FORGET,
+    CGL_GUARD_MUTE
+} cgl_guard_phase;
 
 typedef struct {
-    cgl_real error;     /* of the speed [rad/s] */
-    cgl_real omega_m;   /* measured mechanical speed [rad/s] */
-    cgl_real omega_ref; /* and its reference [rad/s] */
+    cgl_real error;     /* error of the speed [rad/s] */
+    cgl_real omega_ref; /* reference of the speed [rad/s] */
     bool plausible;     /* false: the guard ignores this sample */
-    bool saturated;     /* the current loop falls short of its reference, as on a weak bus; if that lasts, samples are ignored */
+    bool saturated;     /* the current loop falls short of its reference, as on a weak bus */
     bool learn;         /* the caller wants learning */
-    bool learned;       /* the law did learn in its last step */
+    bool learned;       /* the law has learned in its last step */
 } cgl_guard_input;
 
-/* Of the speed error in a window, [rad^2/s^2]. */
 typedef struct {
-    cgl_real slow; /* variance of the mean of two samples */
-    cgl_real fast; /* mean square of half their difference */
-} cgl_guard_ripple;
-
-typedef struct {
-    cgl_real share;  /* of what is learned that acts, 0 to 1 */
-    uint32_t gentle; /* 0: learn as configured; k >= 1: cgl_gentle_steps[k] */
-    bool learn;      /* learning is allowed */
-    bool forget;     /* what is learned is to be cleared */
-
-    cgl_real ts;                     /* period of the calls [s] */
-    cgl_real quarter_turn;           /* sum of the speeds of all samples in a quarter of a turn [rad/s] */
-    cgl_real target_share;           /* the share fades to it */
-    cgl_real share_step;             /* by so much in a sample */
-    cgl_real last_error;             /* of the sample before [rad/s] */
-    cgl_real error_centre;           /* from which deviations are: mean of the last window, or of what followed a jump [rad/s] */
-    cgl_real centre_drift;           /* of the centre in this window [rad/s] */
-    cgl_real window_reference;       /* reference of the speed in the window's first sample [rad/s] */
-    cgl_real reference_tolerance;    /* within which it has not moved; negative before that sample [rad/s] */
-    cgl_real quarter_sum;            /* of the deviations in this quarter [rad/s] */
-    cgl_real quarter_squares;        /* of their squares [rad^2/s^2] */
-    cgl_real quarter_way;            /* sum of measured speeds in this quarter, while what is learned is cleared [rad/s] */
-    cgl_real window_sum;             /* of the deviations in the quarters before [rad/s] */
-    cgl_real window_squares;         /* of their squares [rad^2/s^2] */
-    cgl_real window_fast;            /* sum of squares of half the differences in this window [rad^2/s^2] */
-    cgl_real last_variance;          /* of the last window in HOLD or PROBE [rad^2/s^2] */
-    cgl_guard_ripple suspected_ripple; /* of the window that led to a probe */
-    cgl_real squares_limit;          /* a quarter with more squares is a burst [rad^2/s^2] */
-    cgl_real first_quarter_variance; /* of this window [rad^2/s^2] */
-    cgl_real start_variance;         /* that learning without a baseline is compared with; until it begins, that of the window's
-                                        quietest quarter [rad^2/s^2] */
-    cgl_real least_variance;         /* since the baseline was measured or learning began; 0: it has no meaning [rad^2/s^2] */
-    cgl_real phase_way;              /* turned in this phase, as a sum of speeds [rad/s] */
-    cgl_real lesson_speed;           /* at which lessons are counted [rad/s] */
-    cgl_real baseline_speed[CGL_GUARD_SPEEDS];   /* speeds with a baseline; 0: none [rad/s] */
-    cgl_guard_ripple baseline[CGL_GUARD_SPEEDS]; /* and the ripple without learning at each */
-    cgl_real step_speed[CGL_GUARD_STEPS];        /* speed from which on gentler step k + 1 holds [rad/s] */
-    uint32_t quarter_count;          /* samples in this quarter */
-    uint32_t window_count;           /* samples in the quarters before */
-    uint32_t lesson_samples;         /* samples in this window in which the law learned */
-    uint32_t quarter_length;         /* samples in this quarter at its end */
-    uint32_t shortest_quarter;       /* samples in the shortest of all quarters */
-    uint32_t longest_quarter;        /* and in the longest */
-    uint32_t shortfall_samples;      /* in a row in which the current loop fell short of its reference */
-    uint32_t limited_samples;        /* all such samples since the last window */
-    uint32_t settling_samples;       /* left until a window begins */
-    uint32_t settling_length;        /* as many in all after a change of the share */
-    uint32_t phase_samples;          /* in this phase */
-    uint32_t wait_count;             /* in MUTE, windows left; in IDLE, samples since a calm window */
-    uint16_t good_windows;           /* since the last change of the step */
-    uint8_t phase;                   /* cgl_guard_phase */
-    uint8_t quarter_index;           /* of this quarter in the window, 0 to 3 */
-    uint8_t strike_count;            /* of bad windows in a row, some of which count twice */
-    uint8_t recovery_score;          /* rises where the ripple ends as soon as learning stands still, and falls in good windows */
-    uint8_t extra_strikes;           /* needed since probes found no harm */
-    uint8_t phase_windows;           /* in this phase; in LEARN, windows in a row that gain little */
-    uint8_t lesson_windows;          /* in which it learned at this speed */
-    uint8_t retry_doublings;         /* of the time until a gentler step is taken back */
-    uint8_t next_baseline;           /* place of the baseline that is replaced next */
-    bool reference_moved;            /* in this window */
-    bool reference_moved_before;     /* in the window before */
-    bool start_is_measured;          /* start_variance is of the window in which learning began */
-    bool baseline_is_supposed;       /* it is of a rotor that did not turn with its reference, or of the begin of learning */
-    bool learned_elsewhere;          /* something was learned at another speed */
-    bool stalled;                    /* in the last window the rotor did not turn with its reference */
+    cgl_real share;     /* share of what is learned that acts, 0 to 1 */
+    uint32_t gentle;    /* step of gentle learning, an index of cgl_gentle_steps */
+    uint8_t phase;      /* cgl_guard_phase */
+    uint8_t evidence;   /* counts of evidence of harm since the last test without harm; good windows clear them too */
+    uint8_t bad;        /* in LEARN: successive windows above the bar; 2 lead to a test. In HOLD: 0 if there is no suspicion. In a test:
+                           0 if P(1) is that of a burst, else 1 */
+    bool taught;        /* something has been learned since the start, or since four counts of evidence last convicted */
+    cgl_real ts;        /* period of the calls [s] */
+    cgl_real mean;      /* mean of the error over about a turn, by a low-pass filter [rad/s] */
+    cgl_real last_error; /* error of the last sample [rad/s] */
+    cgl_real squares;   /* sum over this window of squares: the mean of two successive errors, less `mean` [rad^2/s^2] */
+    cgl_real fast;      /* sum over this window of squares: half the difference of two successive errors [rad^2/s^2] */
+    uint32_t count;     /* samples in this window */
+    uint32_t length;    /* length of a whole window [samples]; 0: the next window has not begun */
+    uint32_t limited;   /* successive samples in which the current loop fell short. Above an eighth of the window the count stays until
+                           the window ends */
+    cgl_real ripple;    /* ripple of the last window [rad^2/s^2] */
+    cgl_real acting;    /* P(1) of the last HOLD [rad^2/s^2] */
+    cgl_real alone;     /* the bar: P(0), or the bound that PART gives; 0: unknown [rad^2/s^2] */
+    cgl_real noise;     /* mean of the squares in `fast` when last nothing learned acted [rad^2/s^2] */
+    cgl_real speed;     /* reference of the speed when P(1) was measured [rad/s]. CGL_REAL_MAX: it moved in the test, and another
+                           speed is no reason to test again soon */
+    uint32_t age;       /* age of the last test: a window adds 8, but only 1 if learning gains much [1/8 windows] */
+    uint32_t patience;  /* a test is due after this many windows in which learning gains little */
+    uint32_t good;      /* windows since `gentle` changed */
+    uint32_t retry;     /* when `good` reaches this, `gentle` goes one step back */
 } cgl_guard;
 
-/* How gently a law learns at step k. */
+/* How gently a law learns at step k of cgl_gentle_steps. */
 typedef struct {
-    cgl_real most;       /* the learning gain is at most so much of the feedback's own [-], */
-    cgl_real gain;       /* and then times this [-] */
+    cgl_real most;       /* bound of the learning gain, as a multiple of the feedback's own gain [-] */
+    cgl_real gain;       /* factor on the gain within that bound [-] */
     cgl_real forgetting; /* factor on what is recalled [-] */
 } cgl_gentle;
 
@@ -144,7 +105,8 @@ static inline cgl_real cgl_gentle_forgetting(uint32_t k)
     return CGL_R(1.0);
 }
 #else
-/* Factor, 0 to 1, on a law's correction at step k. gain: of learning in a period, and of the feedback, in one unit; >= 0. */
+/* Returns the factor, 0 to 1, on a law's correction at step k. `gain` is the learning gain per period, `feedback` the feedback's gain.
+ * Both are >= 0 and in the same unit. */
 cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback);
 cgl_real cgl_gentle_forgetting(uint32_t k);
 #endif
@@ -153,10 +115,23 @@ cgl_real cgl_gentle_forgetting(uint32_t k);
 cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts);
 void cgl_guard_reset(cgl_guard *guard);
 
-/* One sample; decides share, gentle, learn and forget. Whatever comes in, the share stays within 0 and 1. */
+/* Takes one sample. Decides guard->share and guard->gentle, and the results of cgl_guard_may_learn() and cgl_guard_forgets(). The share
+ * stays within 0 and 1 for any input. */
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in);
 
-/* The guard holds learning back. */
+/* Whether learning is allowed: no test is under way, and all of what is learned acts. */
+static inline bool cgl_guard_may_learn(const cgl_guard *guard)
+{
+    return guard->phase == (uint8_t)CGL_GUARD_LEARN && guard->share >= CGL_R(1.0);
+}
+
+/* Whether the law has to clear what is learned. */
+static inline bool cgl_guard_forgets(const cgl_guard *guard)
+{
+    return guard->phase == (uint8_t)CGL_GUARD_FORGET;
+}
+
+/* Whether the guard holds learning back. */
 static inline bool cgl_guard_acts(const cgl_guard *guard)
 {
     return guard->phase > (uint8_t)CGL_GUARD_LEARN || guard->gentle > 1U;

@@ -2,7 +2,7 @@
 
 #define SECTORS 6U
 #define POLE_PAIRS_MAX 10000U
-#define LATE CGL_R(1.5) /* number of mean intervals after which an edge is overdue: one that is 15 degrees off comes so late */
+#define LATE CGL_R(1.5) /* number of mean intervals after which an edge is overdue: an edge that is 15 degrees off comes this late */
 
 CGL_SELDOM cgl_error cgl_hall_init(cgl_hall *hall, const cgl_hall_config *config)
 {
@@ -28,7 +28,7 @@ static uint32_t sum(uint32_t a, uint32_t b)
     return b > UINT32_MAX - a ? UINT32_MAX : a + b;
 }
 
-/* Puts the angle at this share of the present sector, 0 at its begin. */
+/* Puts the angle at this share of the present sector; a share of 0 is its begin. */
 static void put(cgl_hall *hall, cgl_real share)
 {
     const uint32_t sector = UINT32_MAX / hall->sectors;
@@ -44,11 +44,11 @@ CGL_SELDOM void cgl_hall_reset(cgl_hall *hall, uint32_t position)
     put(hall, CGL_R(0.5));
 }
 
-/* Takes an edge that comes `elapsed` after the one before and passes this many sectors. */
+/* Takes an edge that comes `elapsed` [ticks] after the edge before, and that passes this many sectors. */
 static void pass(cgl_hall *hall, uint32_t sectors, bool backward, uint32_t elapsed)
 {
     if (!hall->timed || backward != hall->backward) {
-        hall->known = 0U; /* a reversal passes the same edge twice, and a first edge has none before it: neither measures an interval */
+        hall->known = 0U; /* no interval is measured: a reversal passes the same edge twice, and a first edge has none before it */
     } else {
         for (uint32_t n = 0; n < sectors; ++n) {
             hall->last = hall->last + 1U < CGL_HALL_EDGES ? hall->last + 1U : 0U;
@@ -61,7 +61,8 @@ static void pass(cgl_hall *hall, uint32_t sectors, bool backward, uint32_t elaps
     hall->position = (hall->position + (backward ? hall->sectors - sectors : sectors)) % hall->sectors;
 }
 
-/* Magnitude of the speed by the mean of the last intervals, or by the time since the last edge if that is overdue [rad/s]. */
+/* Returns the magnitude of the speed [rad/s], from the mean of the last intervals, or from the time since the last edge if the next edge
+ * is overdue. */
 static cgl_real speed(const cgl_hall *hall)
 {
     const uint32_t count = hall->known < hall->config.edges ? hall->known : hall->config.edges;
@@ -85,7 +86,8 @@ void cgl_hall_step(cgl_hall *hall, uint32_t sector, uint32_t edge, uint32_t now)
     if (ahead == 0U) {
         hall->since = sum(hall->since, now - hall->now);
     } else {
-        const bool backward = ahead > 3U || (ahead == 3U && hall->backward); /* half a revolution may be either way: the direction stays */
+        const bool backward = ahead > 3U || (ahead == 3U && hall->backward); /* half a revolution may be either way, so the direction
+                                                                                stays */
         pass(hall, backward ? SECTORS - ahead : ahead, backward, sum(hall->since, edge - hall->now));
         hall->since = now - edge;
     }

@@ -1,12 +1,11 @@
 /* Mechanical angle and speed from Hall sensors, which tell six sectors per electrical revolution.
  *
- * Between two edges the angle moves on with the speed, but never leaves the sector. The speed is the mean over the last intervals
- * between edges. Over six intervals, an electrical revolution, the errors of the sensors' placement cancel. If no edge comes for
- * longer than one and a half mean intervals, the speed falls with the time since the last edge. After a reversal the speed is 0 until
- * the next edge.
+ * Between two edges the angle moves on with the speed, but never leaves the sector. The speed is the mean over the last intervals between
+ * edges. Over six intervals, an electrical revolution, the errors of the sensors' placement cancel. If no edge comes for longer than one
+ * and a half mean intervals, the speed falls with the time since the last edge. After a reversal the speed is 0 until the next edge.
  *
- * The board passes the sector, 0 to 5 in the order of the forward electrical angle, by a table of its own wiring. Any other value is a
- * wrong code and has no effect. The board also passes the value of a timer that it captured at the last edge:
+ * The board passes the sector, 0 to 5 in the order of the forward electrical angle. It gets the sector from a table of its wiring. Any
+ * other value is a wrong code and has no effect. The board also passes the value of a timer that it captured at the last edge:
  *
  *   cgl_hall_step(&hall, sector_of[board_hall()], captured, board_timer());
  *   now.theta_m = cgl_radians(hall.turns);   now.omega_m = hall.omega_m; */
@@ -50,7 +49,8 @@ typedef struct {
 /* Copies the config. The rotor counts as standing in sector 0. */
 cgl_error cgl_hall_init(cgl_hall *hall, const cgl_hall_config *config);
 
-/* Says in which sector the rotor stands: that of the mechanical revolution, or of the electrical one if only that is known. */
+/* Sets the sector in which the rotor stands. This is the sector of the mechanical revolution, or of the electrical one if only that is
+ * known. */
 void cgl_hall_reset(cgl_hall *hall, uint32_t position);
 
 /* Takes the sector, 0 to 5, and the timer at the last edge and now [ticks]. */

@@ -10,33 +10,36 @@
 #define GAIN_2 (CGL_R(1.5) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) + POLE))
 #define GAIN_3 ((CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE))
 
-/* An order is slow, and learns from z, up to this angle in a step [rad]: there z shows as much of it as e, |Z - p|^2 = 2 (1 - p)^2. */
+/* Largest angle of a slow order in a step [rad]. At this angle z and e show the order equally: |Z - p|^2 = 2 (1 - p)^2, Z = exp(j
+ * angle). */
 #define SLOW_ANGLE_MOST CGL_R(0.5105)
 #define LAG_DELAY CGL_R(1.5)   /* a longer delay is modelled as a lag [steps] */
 #define DELAY_MOST CGL_R(16.0) /* largest delay that init takes [steps] */
-#define HALF_TURN CGL_R(0.5)   /* bound of the speed in a step, and of z [turns] */
+#define HALF_TURN CGL_R(0.5)   /* bound of the angle in a step, and of z [turns] */
 
 #define MEAN_SHARE_PER_RAD CGL_R(0.25)  /* weight of z in its moving mean, per angle of the base order in a step [1/rad] */
-#define MEAN_SHARE_MOST CGL_R(0.0625)   /* its largest weight, which it has while nothing is learned */
-#define RATE_SUM_MOST CGL_R(0.0625)     /* bound of the sum of the acting orders' rates [1/step]; slow orders settle below 0.15 */
-#define FULL_RATE_LENGTH CGL_R(6.0)     /* full rate times learning time until the rate falls; exp(-3) of the ripple is left then */
-#define NEW_SPEED_FACTOR CGL_R(1.25)    /* a speed that leaves the span of earlier speeds by this factor is new */
-/* A rotor that hunts swings about its reference, and so turns faster. The rate counts periods of the base order, but at most this
- * many times those of the reference. */
+#define MEAN_SHARE_MOST CGL_R(0.0625)   /* largest weight of z in its moving mean, which is also its weight while nothing is learned */
+#define RATE_SUM_MOST CGL_R(0.0625)     /* bound of the sum of the acting orders' rates [1/step]; slow orders settle if the sum is below
+                                           0.15 */
+#define FULL_RATE_LENGTH CGL_R(6.0)     /* the rate begins to fall when full rate times learning time reaches this; exp(-3) of the ripple
+                                           is left then */
+#define NEW_SPEED_FACTOR CGL_R(1.25)    /* a speed is new if it is beyond all earlier speeds by this factor */
+/* The rate follows the speed, up to this multiple of the reference speed. A rotor that hunts swings about its reference, and so turns
+ * faster than the reference. */
 #define HUNTING_FACTOR CGL_R(2.0)
 
 #define BEND_MOST CGL_R(0.05)            /* bound of each part of the bend [rad] */
 #define BEND_VARIANCE_MOST CGL_R(2.5e-7) /* the bend is not learned if its variance is larger: (0.5 mrad)^2 [rad^2] */
-/* The bend is learned while the square of the drift is below this share of the mean |c|^2. A drift of |c|/7, which is its root, turns
- * the phases of the orders by 1/7 rad. */
+/* The bend is learned while the square of the drift is below this share of the mean of k |c_k|^2. 0.02 is the square of 1/7: a drift of
+ * |c|/7 turns the phase of an order by 1/7 rad. */
 #define BEND_DRIFT_SHARE CGL_R(0.02)
-/* Half of the share of z's noise that remains in a mean over the steps between two updates of the bend. */
+/* A mean over BEND_PERIOD steps keeps a share of z's noise. This constant is half of that share. */
 #define BEND_NOISE_SHARE CGL_R(0.125)
-#define BEND_DOUBT_FACTOR CGL_R(64.0) /* a bend is not used if its square is below this many of its variances */
+#define BEND_DOUBT_FACTOR CGL_R(64.0) /* the bend is not used while its square is below this multiple of its variance */
 #define BEND_PERIOD 8U                /* steps from one update of the bend to the next */
 
-#define SLOW_SHARES 2U /* a step corrects one of this many shares of the slow orders */
-#define FEW_ORDERS 8U  /* with up to this many acting orders a gain is made every fourth step, with more every second */
+#define SLOW_SHARES 2U /* the slow orders form this many groups; each step corrects one group */
+#define FEW_ORDERS 8U  /* up to this many acting orders, a gain is computed every fourth step; with more orders, every second */
 
 CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop)
 {
@@ -77,7 +80,7 @@ CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config,
     return cgl_is_positive(config->b * loop->ts * loop->ts) ? 0 : CGL_FIELD("harmonic.b");
 }
 
-/* Takes a valid config, and derives from it what the steps need. */
+/* Stores a valid config and the values that follow from it. */
 CGL_SELDOM static void apply_config(cgl_harmonic *law, const cgl_harmonic_config *config, cgl_real ts)
 {
     law->config = *config;
@@ -88,7 +91,7 @@ CGL_SELDOM static void apply_config(cgl_harmonic *law, const cgl_harmonic_config
     const cgl_real part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
     const bool lags = d > LAG_DELAY;
     law->lag_share = lags ? d / (CGL_R(1.0) + d) : CGL_R(0.0);
-    /* orders of the bend below the lowest learned order, and apart from it */
+    /* number of bend orders that are far enough below the lowest learned order */
     const uint32_t free = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U);
     law->bends = config->bends < free ? config->bends : free;
     law->weight[0] = lags ? CGL_R(1.0) - law->lag_share : (d < CGL_R(1.0) ? CGL_R(1.0) - part : CGL_R(0.0));
@@ -157,14 +160,14 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     law->time = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->since_edge = CGL_R(0.0);
     law->theta_sensor = law->theta = law->next_gain = law->band = law->acting = law->low = 0U;
-    law->tick = 1U; /* so that the first step makes no gain: it has enough to do */
+    law->tick = 1U; /* the first step then computes no gain, to keep it short */
     law->wait = CGL_HARMONIC_SETTLE;
     law->follows = law->learning = false;
     law->learned = CGL_R(0.0);
 }
 
-/* Returns the angle [turns of 2^32], refined within the sensor's step. The sum of a speed that is measured from edge to edge is
- * exact from edge to edge. What this sum is ahead of the sensor's steps is the angle since the last edge, but for a constant. */
+/* Returns the angle [turns of 2^32], refined within the sensor's step. omega_m is measured from edge to edge, so its sum over time is
+ * exact at each edge. This sum minus the sensor's angle is the angle since the last edge, apart from a constant. */
 static uint32_t refine_angle(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
 {
     const cgl_real turned = cgl_steps(law->theta_sensor, shown) * (CGL_R(1.0) / CGL_TURN_BITS);
@@ -173,7 +176,7 @@ static uint32_t refine_angle(cgl_harmonic *law, uint32_t shown, cgl_real omega_m
     return cgl_turned(shown, law->since_edge);
 }
 
-/* Starts the observer at the measured angle [turns of 2^32], as it has not followed any. */
+/* Starts the observer at the measured angle theta [turns of 2^32] and speed omega [rad/s]. */
 CGL_SELDOM static void start_observer(cgl_harmonic *law, uint32_t theta, cgl_real omega)
 {
     law->theta = theta;
@@ -184,7 +187,7 @@ CGL_SELDOM static void start_observer(cgl_harmonic *law, uint32_t theta, cgl_rea
     law->follows = true;
 }
 
-/* One step of the observer; returns e [turns]. */
+/* Does one step of the observer. Returns e [turns]. */
 static cgl_real observe(cgl_harmonic *law, uint32_t theta)
 {
     const cgl_real rise = law->gain * law->current + law->load;
@@ -196,7 +199,7 @@ static cgl_real observe(cgl_harmonic *law, uint32_t theta)
     return error;
 }
 
-/* Delays the feedback's current u [A], which acts from the next step on. */
+/* Models the delay of the feedback's current u [A]. Sets `current`, which acts in the next step. */
 static void set_current(cgl_harmonic *law, cgl_real u)
 {
     law->current = cgl_clamp(law->lag_share * law->current + law->weight[0] * u + law->pending[0], law->pi.config.limit);
@@ -229,26 +232,26 @@ static cgl_real lesser(cgl_real a, cgl_real b)
     return a < b ? a : b;
 }
 
-/* The number of multiples of `step` [rad] up to `most` [rad]; at most `orders`. */
+/* Returns the number of multiples of `step` [rad] that are at most `most` [rad]; no more than `orders`. */
 static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
 {
     if (step < CGL_R(0.003)) {
-        return orders; /* even the highest of CGL_HARMONIC_ORDERS is below SLOW_ANGLE_MOST */
+        return orders; /* All orders fit: in such a small step even the highest turns by less than `most`. */
     }
     const cgl_real count = most / step;
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
-/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. Both depend on the variance that
- * the noise of the orders gives to the bend. The bend is not learned while the fast orders have most of the ripple, as it is learned
- * from the slow ones. `begun`: learning time of the orders times their full rate. */
+/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. Both depend on the bend's variance,
+ * which comes from the noise of the orders. The bend is learned from the slow orders, so it is not learned while the fast orders have
+ * most of the ripple. `begun`: learning time of the orders times their full rate. */
 CGL_APART static void set_bend_rate(cgl_harmonic *law, cgl_real begun)
 {
     cgl_harmonic_bend *const bend = &law->bend;
     const cgl_real *const part = bend->part;
     const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->slow_power, CGL_R(1.0e9));
     const cgl_real scale = law->rate * law->pi.loop.ts * size * size, variance = CGL_R(2.0) * bend->variance;
-    const cgl_real mean = bend->slow_power / (cgl_real)larger(law->low, 1U); /* at most the mean |c|^2 */
+    const cgl_real mean = bend->slow_power / (cgl_real)larger(law->low, 1U); /* mean of k |c_k|^2 over the slow orders */
     bend->drift_most = BEND_DRIFT_SHARE * cgl_clamp(mean, CGL_R(1.0e9)) * law->gain * law->gain;
     bend->rate = CGL_R(0.0);
     const bool shows = size > CGL_R(1.0e-9) && bend->slow_power > bend->fast_power;
@@ -261,8 +264,8 @@ CGL_APART static void set_bend_rate(cgl_harmonic *law, cgl_real begun)
     bend->slow_power = bend->fast_power = CGL_R(0.0);
 }
 
-/* Updates the bend at the measured angle [turns of 2^32]. It is corrected by the phase that all orders have gained together since
- * the last update. */
+/* Updates the bend, the learned error of the angle, at the measured angle theta [2^32 to a turn]. It changes by the phase that all orders
+ * have gained in common since the last update. */
 CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
 {
     cgl_harmonic_bend *const bend = &law->bend;
@@ -271,8 +274,9 @@ CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
     const cgl_real x[2] = {once.cosine, twice.cosine}, y[2] = {once.sine, twice.sine};
     if (law->learning && law->drift * law->drift < bend->drift_most) {
         const cgl_real moved = cgl_clamp(bend->phase_sum, CGL_R(1.0e9)), step = bend->rate * moved;
-        const cgl_real rate = law->rate * law->pi.loop.ts, most = CGL_R(1.0) / (cgl_real)BEND_PERIOD; /* a larger rate makes no mean */
-        const cgl_real change = moved - bend->last_phase_sum; /* noise alone: the bend itself is nearly the same in both */
+        const cgl_real rate = law->rate * law->pi.loop.ts, most = CGL_R(1.0) / (cgl_real)BEND_PERIOD; /* with a larger rate the variance
+                                                                                                         would not be a mean */
+        const cgl_real change = moved - bend->last_phase_sum; /* only noise: the bend itself changes both sums nearly alike */
         bend->variance += (rate < most ? rate : most) * (BEND_NOISE_SHARE * change * change - (cgl_real)BEND_PERIOD * bend->variance);
         bend->last_phase_sum = moved;
         for (uint32_t m = 0; m < law->bends; ++m) {
@@ -286,7 +290,7 @@ CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
     bend->angle = bend->share * value * (CGL_R(1.0) / CGL_TWO_PI);
 }
 
-/* Begins a round that makes the gain of each acting order for the present speed. Decides which orders act, and the rate.
+/* Begins a round, which computes the gain of each acting order for the present speed. Decides which orders act, and the rate.
  * `speed_ref`: |omega_ref| [rad/s]. */
 CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real speed_ref)
 {
@@ -302,7 +306,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     const uint32_t acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));
     cgl_real *const weight = law->cosine + 3U * config->orders;
     for (uint32_t n = 2U * smaller(low, law->low); n < 2U * larger(low, law->low); ++n) {
-        weight[n] = CGL_R(0.0); /* their gains belong to the other signal */
+        weight[n] = CGL_R(0.0); /* these orders change between slow and fast: a gain for z does not fit e, and the reverse */
     }
     law->acting = acting;
     law->low = low;
@@ -311,7 +315,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     const cgl_real mean = after > CGL_R(0.0) ? full / (CGL_R(1.0) + CGL_R(0.5) * after) : full;
     const cgl_real rate = mean > config->rate_min ? mean : lesser(config->rate_min, shared);
     const cgl_real asked = HUNTING_FACTOR * (cgl_real)config->base * law->pi.loop.ts * speed_ref;
-    /* with this rate exp(-1) of an order is left after a period of the base order */
+    /* at the rate `most`, exp(-1) of an order is left after one period of the base order */
     const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.loop.ts);
     law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * lesser(rate, most);
     const cgl_real angle = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
@@ -324,9 +328,13 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     law->next_gain = law->band = 0U;
 }
 
-/* Makes the gain of the order `next_gain`, or begins the next round. With D = (Z - p) exp(-j Om/2), and GAIN_3 as l3, 1/G is
- * D^3 exp(-j Om/2) / (cos(Om/2) l3) for z, and D^3 / (j sin Om) for e. The sum of two z is 2 cos(Om/2) exp(-j Om/2) times one z. The
- * gain is turned by Om (1/2 + delay), because the order's phasor is computed for the time at which it acts. */
+/* Computes the gain of the order `next_gain`, or begins the next round. With Z = exp(j Om) and D = (Z - p) exp(-j Om/2):
+ *
+ *   1/G = D^3 exp(-j Om/2) / (cos(Om/2) GAIN_3)   for z
+ *   1/G = D^3 / (j sin Om)                        for e
+ *
+ * The sum of two successive z is 2 cos(Om/2) exp(-j Om/2) times one z. The order's phasor is computed for the time at which the order
+ * acts. So the gain is turned by Om (1/2 + delay). */
 CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gentle, cgl_real speed_ref)
 {
     const uint32_t k = law->next_gain, orders = law->config.orders;
@@ -357,7 +365,7 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
         w = cgl_product(w, without);
     } else {
         law->bend.fast_power += power;
-        const cgl_phasor back = {w.sine, -w.cosine}; /* times -j */
+        const cgl_phasor back = {w.sine, -w.cosine}; /* w times -j */
         w = back;
         scale /= CGL_R(2.0) * s * c;
     }
@@ -369,8 +377,8 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     law->next_gain = k + 1U;
 }
 
-/* Corrects one share of the slow orders by `loads`, and the fast orders by `error`. Then returns the sum of the orders [A] at the
- * angle [turns of 2^32] where it will act. */
+/* Corrects one group of the slow orders by `loads`, and the acting fast orders by `error`. Returns the sum of the acting orders [A] at
+ * `angle` [turns of 2^32], where the sum will act. */
 CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
 {
     const uint32_t orders = law->config.orders, low = law->low, share = law->tick % SLOW_SHARES;
@@ -410,14 +418,14 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
     return cgl_clamp(sum, limit);
 }
 
-/* Whether the error, and the position's reference where it is controlled, are numbers. The angle is one already. */
+/* Whether the error is finite, and in position control whether theta_ref is a valid angle. The caller has checked theta_m. */
 static bool is_plausible(const cgl_harmonic *law, const cgl_law_input *in, cgl_real error)
 {
     const bool placed = !(law->config.k_theta > CGL_R(0.0)) || cgl_is_angle(in->theta_ref);
     return cgl_is_finite(error) && placed;
 }
 
-/* A step in which something is at its limit, not plausible, or not learning. */
+/* Does a step in which the output is at its limit, an input is not plausible, or nothing is learned. */
 CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, cgl_law_output *out)
 {
     if (cgl_law_stands_by(in)) {
@@ -438,8 +446,8 @@ CGL_SELDOM static void forget_orders(cgl_harmonic *law)
     law->time = CGL_R(0.0);
 }
 
-/* The position's error, taken the short way round, times k_theta [rad/s]; 0 without a reference. `theta`: measured angle [turns of
- * 2^32], from which the bend is removed. */
+/* Returns k_theta times the position error, the shorter way round [rad/s]; 0 without a reference. `theta` is the measured angle [turns
+ * of 2^32]; the bend is removed from it here. */
 CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
     if (!cgl_is_angle(in->theta_ref)) {
@@ -449,14 +457,14 @@ CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *
     return law->config.k_theta * CGL_TWO_PI * way;
 }
 
-/* Decides whether this step learns. After learning was frozen it waits for CGL_HARMONIC_SETTLE steps. */
+/* Decides whether this step learns. After a freeze, learning waits for CGL_HARMONIC_SETTLE steps. */
 CGL_SELDOM static void set_learning(cgl_harmonic *law, bool may)
 {
     law->learning = may && law->wait == 0U;
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
 }
 
-/* Returns the learned current at the measured angle [turns of 2^32], after a step of observer, gains and orders. */
+/* Steps observer, gains and orders. Returns the learned current [A] at the measured angle theta [turns of 2^32]. */
 static cgl_real learned_current(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
     if (!CGL_OFTEN(law->follows)) {
@@ -475,13 +483,13 @@ static cgl_real learned_current(cgl_harmonic *law, const cgl_law_input *in, uint
     return cgl_law_share(in) * sum_of_orders(law, acts, sees ? loads : CGL_R(0.0), sees ? error : CGL_R(0.0));
 }
 
-/* A step without an angle. */
+/* Does a step without a valid angle. */
 CGL_SELDOM static void step_blind(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
     set_learning(law, false);
     law->follows = false;
     law->learned = law->bend.angle = law->bend.slope = CGL_R(0.0);
-    law->tick = BEND_PERIOD - 1U; /* so that the next step with an angle updates the bend */
+    law->tick = BEND_PERIOD - 1U; /* the next step with an angle then updates the bend */
     step_otherwise(law, in, in->omega_ref - in->omega_m, out);
 }
 

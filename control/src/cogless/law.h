@@ -11,15 +11,15 @@
 typedef struct {
     cgl_real ts;            /* period of the law [s], > 0 */
     cgl_real current_limit; /* largest current of the loop [A], > 0; no limit of a law may be higher */
-    bool feed_forward;      /* foreign firmware controls the speed. The law returns only what it learns, and its pi.kp and pi.ki are
-                               the gains of the foreign feedback: see README.md. Laws that learn from their own feedback refuse it */
-    bool guarded;           /* the guard acts. Without any feedback gain it would leave nothing of the learning gain, so a law
-                               without one is refused */
+    bool feed_forward;      /* foreign firmware controls the speed. The law returns only what it learns, and its pi.kp and pi.ki are the
+                               gains of the foreign feedback: see README.md. A law that learns from its own feedback refuses this flag */
+    bool guarded;           /* the guard acts. It bounds the learning gain by the feedback gain, so a law without a feedback gain is
+                               refused */
 } cgl_loop;
 
 typedef struct {
-    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; only position laws read it. In
-                           torque mode this and the next two are theta_m, omega_m and 0 */
+    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; only position laws read it. In torque
+                           mode theta_ref, omega_ref and alpha_ref are theta_m, omega_m and 0 */
     cgl_real omega_ref; /* mechanical speed reference, the derivative of theta_ref [rad/s] */
     cgl_real alpha_ref; /* derivative of omega_ref [rad/s^2]; only the space-learning laws read it */
     cgl_real theta_m;   /* measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX */
@@ -27,10 +27,11 @@ typedef struct {
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
     bool off;           /* true: the output is 0, integrals start anew, and what is learned stays, frozen */
-    bool forget;        /* true: what is learned is cleared, cell by cell as the rotor passes, even if learn is false; it has no
-                           effect while off or in torque mode */
+    bool forget;        /* true: what is learned is cleared, cell by cell as the rotor passes, even if learn is false. While off or in
+                           torque mode it has no effect */
     cgl_real muted;     /* share of what is learned that does not act, 0 to 1; any other value counts as 0; default 0 */
-    uint32_t gentle;    /* 0: the law learns as configured; k >= 1: it learns with a smaller gain and more forgetting, as cgl_gentle_steps[k] */
+    uint32_t gentle;    /* 0: the law learns as configured; k >= 1: it learns with a smaller gain and more forgetting, as
+                           cgl_gentle_steps[k] */
     bool torque;        /* torque mode: the output is i_q_ref plus what is learned, frozen; the feedback does not act */
     cgl_real i_q_ref;   /* q-axis current reference of torque mode [A] */
 } cgl_law_input;
@@ -40,7 +41,8 @@ typedef struct {
     unsigned status;  /* CGL_STATUS_ bits */
 } cgl_law_output;
 
-/* The step of gentle learning, cgl_gentle_steps[k]. To forget is the last step, which learns nothing and recalls nothing. */
+/* Returns the number of the step in cgl_gentle_steps with which the law learns. While `forget` is true, this is the last step, which
+ * learns and recalls nothing. With COGLESS_NO_GUARD it is 0. */
 static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 {
 #ifdef COGLESS_NO_GUARD
@@ -51,7 +53,7 @@ static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 #endif
 }
 
-/* The share of what is learned that acts, 0 to 1. If `muted` is no share, all of it acts. */
+/* The share, 0 to 1, of the learned output that is applied: 1 - `muted`, or 1 if `muted` is not within 0 to 1. */
 static inline cgl_real cgl_law_share(const cgl_law_input *in)
 {
     const cgl_real share = CGL_R(1.0) - in->muted;
@@ -68,9 +70,9 @@ static inline bool cgl_law_stands_by(const cgl_law_input *in)
 extern "C" {
 #endif
 
-/* The check with which every law's init begins. It returns the first field that it refuses, as CGL_FIELD, or NULL: a field of the
- * loop or of the config outside its range, or a limit above loop.current_limit. The last row of `range` is the config's limit of the
- * output [A]. */
+/* The check with which every law's init begins. It returns the first field that it refuses, as CGL_FIELD; NULL: none. It refuses a field
+ * of the loop or of the config outside its range, and a limit above loop.current_limit. The last row of `range` is the config's limit of
+ * the output [A]. */
 const char *cgl_law_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop);
 #define CGL_LAW_BAD_FIELD(config, range, loop) cgl_law_bad_field((config), (range), CGL_ROWS(range), (loop))
 
@@ -82,10 +84,10 @@ static inline const char *cgl_own_feedback_bad_field(const void *config, const c
 }
 #define CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop) cgl_own_feedback_bad_field((config), (range), CGL_ROWS(range), (loop))
 
-/* Whether the guard leaves anything of a learning gain beside a feedback gain in the same unit. */
+/* Whether a law can learn with these gains, which are in the same unit. With a guard, a learning gain > 0 needs a feedback gain > 0. */
 bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback);
 
-/* Sets the output of a law without a successful init: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
+/* Sets the output of a law that has had no successful init: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 void cgl_law_refuse(cgl_law_output *out);
 
 /* Sets the output of a law whose feedback does not act: 0 if the law is off, else i_q_ref plus what is learned [A], within the limit

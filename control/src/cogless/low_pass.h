@@ -30,7 +30,7 @@ cgl_error cgl_low_pass_init(cgl_low_pass *filter, const cgl_low_pass_config *con
 /* Changes the bandwidth at run time, within the range that init accepts. The state stays. */
 cgl_error cgl_low_pass_retune(cgl_low_pass *filter, const cgl_low_pass_config *config);
 
-/* Starts in the steady state of the input x; one that is not finite counts as 0. */
+/* Starts in the steady state of the input x. An x that is not finite counts as 0. */
 void cgl_low_pass_reset(cgl_low_pass *filter, cgl_real x);
 
 /* Returns the filtered value. An x that is not finite is returned as it is, and has no other effect. */

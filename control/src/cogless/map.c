@@ -37,7 +37,7 @@ CGL_SELDOM void cgl_map_centre(const cgl_map *map)
     }
 }
 
-/* Fills in a map of one channel. The caller adds others. */
+/* Fills in a map of one channel. The caller adds further channels. */
 CGL_SELDOM static void fill(cgl_map *map, uint32_t law, cgl_real *entry, uint32_t cells, uint32_t unit, cgl_real limit)
 {
     map->entry = entry;
@@ -59,7 +59,7 @@ static cgl_map_result checked(const cgl_map *map)
     return cgl_map_is_valid(map) ? CGL_MAP_OK : CGL_MAP_INVALID;
 }
 
-/* Fills in the map of a memory. `ratio` is that of the angle in the units of the gains. */
+/* Fills in the map of a memory. `ratio` is that of cgl_map, for the rad in the units of the gains. */
 CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t law, uint32_t first_unit, uint32_t ratio,
                                            cgl_map *map)
 {

@@ -1,8 +1,8 @@
 /* A learned map: its numbers and their meaning. map_store saves and loads it.
  *
- * Entry n of a channel belongs to the mechanical angle 2 pi n turns / (parts cells), a map over `turns / parts` of a
- * revolution. In a trial it belongs to sample n. In a map of orders it belongs to the order in entry n of the channel
- * with the unit CGL_MAP_UNIT_ORDER. */
+ * Entry n of a channel belongs to the mechanical angle 2 pi n turns / (parts cells), a map over `turns / parts` of a revolution. In a
+ * trial, entry n belongs to sample n. In a map of orders, entry n belongs to the order that stands in entry n of the channel with the
+ * unit CGL_MAP_UNIT_ORDER. */
 #ifndef COGLESS_MAP_H
 #define COGLESS_MAP_H
 
@@ -25,7 +25,7 @@ extern "C" {
 #define CGL_MAP_CHANNELS 3
 #define CGL_MAP_CELLS_MAX 16777216U
 
-/* The codes of the stored format; SPEC.md. */
+/* Codes in the stored format, as in SPEC.md. */
 enum {
     CGL_MAP_LAW_OTHER = 0,
     CGL_MAP_LAW_PI_ILC = 1,
@@ -57,13 +57,13 @@ typedef enum {
     CGL_MAP_NONE = 2,          /* there is no stored map */
     CGL_MAP_DAMAGED = 3,       /* the stored map is incomplete or corrupt: a save was interrupted, or bits have changed */
     CGL_MAP_OTHER_VERSION = 4, /* the stored map has another version of the format */
-    CGL_MAP_OTHER_MOTOR = 5,   /* it belongs to another motor */
-    CGL_MAP_OTHER_MOTION = 6,  /* it belongs to a trial with another reference */
+    CGL_MAP_OTHER_MOTOR = 5,   /* the stored map belongs to another motor */
+    CGL_MAP_OTHER_MOTION = 6,  /* the stored map belongs to a trial with another reference */
     CGL_MAP_OTHER_LAYOUT = 7,  /* cells, channels, period, ratio, unit or orders differ */
     CGL_MAP_BAD_VALUE = 8,     /* an entry is not finite, or is beyond its present limit */
     CGL_MAP_FLASH_FAILED = 9,  /* one of the caller's functions failed, or the flash does not read back what was written */
     CGL_MAP_CHANGED = 10,      /* the law has learned during the save */
-    CGL_MAP_LEARNING = 11,     /* the last step of the law has learned: step it once with learn false */
+    CGL_MAP_LEARNING = 11,     /* the law has learned in its last step: step it once with learn false */
     CGL_MAP_NO_ROOM = 12,      /* the map is larger than a slot */
     CGL_MAP_BY_TIME = 13,      /* the memory is a delay line, which has no fixed angles */
     CGL_MAP_INVALID = 14       /* the cgl_map has no entries, or a field outside its range */
@@ -75,17 +75,18 @@ typedef struct {
     uint32_t cells;                     /* number of entries in each channel, 1 to CGL_MAP_CELLS_MAX */
     uint32_t channels;                  /* number of channels, 1 to CGL_MAP_CHANNELS */
     uint32_t turns, parts;              /* the period is turns / parts of a mechanical revolution; both are 0 for a trial */
-    uint32_t ratio;                     /* the rad in the units is that of ratio theta_m, 1 to 65535; 1: mechanical rad */
+    uint32_t ratio;                     /* 1 rad in the units is 1 rad of ratio * theta_m, 1 to 65535; 1: mechanical rad */
     uint32_t law;                       /* law that learned it, CGL_MAP_LAW_...; 128 to 255 are free for the application */
     uint32_t unit[CGL_MAP_CHANNELS];    /* CGL_MAP_UNIT_...; 128 to 255 are free for the application */
     cgl_real limit[CGL_MAP_CHANNELS];   /* entries stay within +-limit [unit], > 0 and within the range of float */
     const bool *learning;               /* NULL, or a flag that is true if the law's last step has learned */
-    uint32_t centred;                   /* the means of the first `centred` channels belong to an integral, so a load removes them; default 0 */
+    uint32_t centred;                   /* the means of the first `centred` channels belong to an integral: a load removes them; default
+                                           0 */
 } cgl_map;
 
 /* Each function fills in the map of a law that has been initialised. The map is valid until the next init or retune of the law. If the
- * result is not CGL_MAP_OK, do not use the map. Use the table of `anti_cogging` only while no calibration runs, and the signal of a trial
- * only outside of cgl_trial_end(). The map does not have what belongs to no place, such as integrals, or r of robust_ilc. */
+ * result is not CGL_MAP_OK, do not use the map. Use the table of `anti_cogging` only while no calibration runs, and the signal of a
+ * trial only outside of cgl_trial_end(). States that belong to no angle are not in the map, such as integrals and r of robust_ilc. */
 cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map);
 cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc *law, cgl_map *map);
 cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,

@@ -13,7 +13,7 @@
 enum { AT_MAGIC, AT_VERSION, AT_SEQUENCE, AT_MOTOR, AT_MOTION, AT_LAW, AT_CELLS, AT_TURNS, AT_PARTS, AT_RATIO, AT_UNITS,
        AT_LIMITS, AT_ENTRIES_CRC = 14, AT_HEADER_CRC };
 
-/* ---- bytes, little endian whatever the machine ---- */
+/* ---- bytes, in little-endian order on every machine ---- */
 
 typedef union {
     float number;
@@ -102,7 +102,7 @@ static uint32_t header_crc(const uint32_t *word)
     return crc;
 }
 
-/* Entry k, counted over all channels one after the other, and its channel. */
+/* Returns entry k, counted through one channel after the other. Sets *channel to its channel. */
 static cgl_real *entry_at(const cgl_map *map, uint32_t k, uint32_t *channel)
 {
     *channel = k / map->cells;
@@ -128,14 +128,14 @@ static void fill(const cgl_map_store *store, uint32_t position, uint32_t count)
     }
 }
 
-/* Byte `place` of the mark, which is valid with this header only. */
+/* Returns byte `place` of the mark. The mark contains the header's CRC, so it is valid with this header only. */
 static uint8_t mark_byte(const cgl_map_store *store, uint32_t place)
 {
     const uint32_t word = place < 4U ? ~store->header_crc : (place < CGL_MAP_MARK ? DONE : PADDING);
     return (uint8_t)(word >> (8U * (place % 4U)) & 0xFFU);
 }
 
-/* ---- reading a slot, a piece at a time, and telling what is wrong with it ---- */
+/* ---- reading and checking a slot, one piece at a time ---- */
 
 CGL_SELDOM static bool read_bytes(const cgl_map_store *store, uint32_t offset, uint8_t *bytes,
                  uint32_t count)
@@ -175,7 +175,7 @@ static cgl_map_result check_header(cgl_map_store *store)
     }
     store->header_crc = word[AT_HEADER_CRC];
     if (header_crc(word) != store->header_crc) {
-        return CGL_MAP_DAMAGED; /* the words up to here are the same in every version */
+        return CGL_MAP_DAMAGED; /* the CRC covers the same words in every version, so it is checked before the version */
     }
     if ((word[AT_VERSION] & 0xFFFFU) != CGL_MAP_VERSION) {
         return CGL_MAP_OTHER_VERSION;
@@ -204,8 +204,8 @@ static cgl_map_result check_header(cgl_map_store *store)
     return CGL_MAP_OK;
 }
 
-/* Checks that the entries in the buffer are within their limits, and that orders are those of the law. With `into` it copies them into the
- * map. */
+/* Checks that the entries in the buffer are within their limits, and that stored orders are those of the law. If `into` is true, it also
+ * copies the entries into the map. */
 static void take_entries(cgl_map_store *store, uint32_t count, bool into)
 {
     const cgl_map *map = store->map;
@@ -218,7 +218,7 @@ static void take_entries(cgl_map_store *store, uint32_t count, bool into)
         cgl_real *entry = entry_at(map, place / 4U, &c);
         const float number = number_of(get(store->buffer + n));
         const float limit = (float)map->limit[c], own = (float)*entry;
-        if (!(number >= -limit && number <= limit)) { /* or NaN */
+        if (!(number >= -limit && number <= limit)) { /* NaN comes here too */
             store->bad_value = true;
         } else if (map->unit[c] == (uint32_t)CGL_MAP_UNIT_ORDER) {
             store->other_order = store->other_order || number < own || number > own;
@@ -308,7 +308,7 @@ CGL_SELDOM static cgl_map_result check(cgl_map_store *store, uint32_t slot, bool
     return result;
 }
 
-/* Clears a map that was loaded in part, after flash that had passed the check read otherwise: no map is better than half of one. */
+/* Clears a map that was loaded only in part: the flash read differently from the check before. No map is better than half a map. */
 static void forget(const cgl_map *map)
 {
     for (uint32_t c = 0; c < map->channels; ++c) {
@@ -432,7 +432,7 @@ CGL_SELDOM static cgl_map_result look(cgl_map_store *store)
     return go_on(store, CGL_STORE_SUM, CGL_MAP_HEADER);
 }
 
-/* Computes the CRC of the present entries and the padding. Then it chooses the slot and makes the header. */
+/* Computes the CRC of the present entries and the padding. At their end it chooses the slot and computes the header. */
 CGL_SELDOM static cgl_map_result sum(cgl_map_store *store)
 {
     const uint32_t count = smaller(store->chunk, store->end - store->position);
@@ -448,7 +448,7 @@ CGL_SELDOM static cgl_map_result sum(cgl_map_store *store)
     }
     store->slot = now == 0U ? 1U : 0U;
     store->entries_crc = store->crc;
-    /* it must be newer than the map in the other slot, which may fit again with another motor or limit */
+    /* newer than the map in the other slot, even if that one does not fit now: it may fit again with another motor or limit */
     store->sequence = store->sequences[1U - store->slot] + 1U;
     uint32_t word[WORDS];
     make_header(store, word);
@@ -492,7 +492,7 @@ CGL_SELDOM static cgl_map_result write_bytes(cgl_map_store *store)
     return go_on(store, CGL_STORE_VERIFY, 0U);
 }
 
-/* Reads the slot back. If a write had no effect, the slot still has the old map, so its header must be the new one. */
+/* Reads the slot back. Its header must be the new one: if a write had no effect, the slot still has the old map. */
 CGL_SELDOM static cgl_map_result verify(cgl_map_store *store)
 {
     const cgl_map_result result = check_step(store, false, false);

@@ -1,5 +1,5 @@
-/* Stores learned maps in flash, in two slots. A save never writes to the slot that a load would take. So if power fails at any byte of an
- * erase or a write, a load finds the old map or the new one. SPEC.md has the format.
+/* Stores learned maps in flash, in two slots. A save never writes to the slot that a load would take. So if power fails during an erase or
+ * a write, the next load still gets the old map or the new one. SPEC.md has the format.
  *
  * You supply three functions that erase, write and read. Flash may be inside or outside of the chip, an EEPROM, or two files.
  *
@@ -13,8 +13,8 @@
  *     cgl_map_store_step(&store);                        repeat while it returns CGL_MAP_BUSY
  *     learn = true
  *
- * Learning must rest during a save, so that all entries belong to the same moment. No copy is needed. If the law learns meanwhile, the save
- * ends with CGL_MAP_CHANGED, and the old map stays. */
+ * Learning must rest during a save, so that all entries belong to the same moment. No copy is needed. If the law learns meanwhile, the
+ * save ends with CGL_MAP_CHANGED, and the old map stays. */
 #ifndef COGLESS_MAP_STORE_H
 #define COGLESS_MAP_STORE_H
 
@@ -44,9 +44,9 @@ typedef struct {
     cgl_flash_result (*erase)(void *context, uint32_t slot);
     /* Writes bytes. offset and count are multiples of write_size. Each byte is written once after an erase. */
     cgl_flash_result (*write)(void *context, uint32_t slot, uint32_t offset, const uint8_t *bytes, uint32_t count);
-    /* Reads bytes of the slot. After an interrupted write, flash with error correction may refuse to read a word: return any bytes
-     * for it, and the map counts as damaged. Return CGL_FLASH_FAILED only if the flash cannot be reached: then a save ends, rather
-     * than overwrite a map that it could not read. */
+    /* Reads bytes of the slot. After an interrupted write, flash with error correction may refuse to read a word: return any bytes for
+     * it, and the map counts as damaged. Return CGL_FLASH_FAILED only if the flash cannot be reached. A save then ends, and does not
+     * overwrite a map that it could not read. */
     cgl_flash_result (*read)(void *context, uint32_t slot, uint32_t offset, uint8_t *bytes, uint32_t count);
     uint32_t slot_size;  /* size of each slot [bytes], at least CGL_MAP_STORED_LENGTH */
     uint32_t write_size; /* smallest write of the flash [bytes], a power of two from 1 to CGL_MAP_WRITE_MAX */
@@ -60,8 +60,8 @@ typedef enum {
     CGL_STORE_SUM,    /* computes the CRC of the entries */
     CGL_STORE_ERASE,
     CGL_STORE_WRITE,  /* writes header and entries */
-    CGL_STORE_VERIFY, /* reads them back */
-    CGL_STORE_MARK    /* writes the mark that makes them valid */
+    CGL_STORE_VERIFY, /* reads header and entries back */
+    CGL_STORE_MARK    /* writes the mark that makes header and entries valid */
 } cgl_store_phase;
 
 typedef struct {
@@ -72,13 +72,13 @@ typedef struct {
     cgl_store_phase phase;
     cgl_map_result result;  /* result of the last save */
     uint32_t slot;          /* slot that is read or written */
-    uint32_t position;      /* place in that slot [bytes] */
+    uint32_t position;      /* place in the slot [bytes] */
     uint32_t end;           /* end of header, entries and padding, where the mark begins [bytes] */
     uint32_t align;         /* write_size with which the map in this slot was stored [bytes] */
     uint32_t crc;           /* CRC of the entries so far */
     uint32_t entries_crc;   /* CRC of the entries in the header */
     uint32_t header_crc;    /* CRC of the header, in the header */
-    uint32_t wanted;        /* CRC of the new header, which must read back */
+    uint32_t wanted;        /* CRC of the new header; the header in flash must have it */
     uint32_t sequence;      /* sequence number in the header */
     bool bad_value;         /* an entry so far is not finite or beyond its limit */
     bool other_order;       /* an order so far is not that of the law */
@@ -99,17 +99,17 @@ cgl_error cgl_map_store_init(cgl_map_store *store, const cgl_map_store_config *c
                              uint32_t length);
 
 /* Loads the newer one of the stored maps that fit. Returns CGL_MAP_OK, or the reason why there is none. Every byte is checked before the
- * first entry of `map` changes. The first `centred` channels lose their means, which belong to an integral. It reads both slots
- * completely, and one of them twice. Call it before the law's first step, or while the law is stepped with learn false. A load ends
- * a save that is under way. */
+ * first entry of `map` changes. The first `centred` channels lose their means, which belong to an integral. A load reads both slots
+ * completely, and one of them twice. Call it before the law's first step, or while the law is stepped with learn false. A load ends a
+ * save that is under way. */
 cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map);
 
-/* Begins a save of `map`, which must stay valid until the save ends. A save that is under way is abandoned. Returns CGL_MAP_OK, or the reason
- * why it cannot begin. */
+/* Begins a save of `map`, which must stay valid until the save ends. A save that is under way is abandoned. Returns CGL_MAP_OK, or the
+ * reason why the save cannot begin. */
 cgl_map_result cgl_map_store_begin(cgl_map_store *store, const cgl_map *map);
 
-/* Does a piece of the save: one call of your functions, or a few short ones. Returns CGL_MAP_BUSY until the save ends, and from then on
- * CGL_MAP_OK or the reason why it failed. A map that is already stored is not written again. */
+/* Does a piece of the save: one call of your flash functions, or a few short ones. Returns CGL_MAP_BUSY until the save ends. From then on
+ * it returns CGL_MAP_OK, or the reason why the save failed. A map that is already stored is not written again. */
 cgl_map_result cgl_map_store_step(cgl_map_store *store);
 
 #ifdef __cplusplus

@@ -7,11 +7,11 @@
 #include "delay_line.h"
 #endif
 
-#define QUARTER 0x40000000U /* [2^-32 periods] */
+#define QUARTER 0x40000000U /* a quarter of a period [2^-32 periods] */
 #define QUARTER_BACK 0xC0000000U
-#define REACH 16U           /* a rotor may pass this many cells in any step */
+#define REACH 16U           /* a step over at most this many cells is never a jump */
 #define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
-#define MEAN_MOST CGL_R(0.9375) /* largest share of the mean that is recalled if the mean belongs to an integral */
+#define MEAN_MOST CGL_R(0.9375) /* an integral has the mean of a centred channel: at most this share of the mean is recalled */
 
 /* Puts the defaults in place of zeros. */
 CGL_SELDOM static void fill_defaults(cgl_memory_config *config)
@@ -141,7 +141,7 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
     if (!smaller) {
         return CGL_OK;
     }
-    memory->map.started = false; /* the sums have entries from before the limiting */
+    memory->map.started = false; /* the sums still contain the old entries, so the next step begins them anew */
     cgl_real *entry = memory->cell + (full.kind == CGL_MEMORY_DELAY ? memory->row : 0U);
     for (uint32_t c = 0; c < full.channels; ++c, entry += memory->row) {
         for (uint32_t n = 0; n < memory->row; ++n) {
@@ -152,7 +152,7 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
     return CGL_OK;
 }
 
-/* Begins a new sum for the mean. Until it covers a whole period, no mean is removed. */
+/* Begins the sum for the mean anew. No mean is removed until the sum covers a whole period. */
 CGL_SELDOM static void forget_mean(cgl_memory *memory)
 {
     for (cgl_channel *channel = memory->channel; channel < memory->channel + CGL_CHANNELS; ++channel) {
@@ -194,7 +194,7 @@ CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
 #endif
 }
 
-/* n modulo `cells`, for n below 2 cells. */
+/* n modulo `cells`; n is below 2 * cells. */
 static inline uint32_t wrapped(uint32_t n, uint32_t cells)
 {
     return n < cells ? n : n - cells;
@@ -202,38 +202,38 @@ static inline uint32_t wrapped(uint32_t n, uint32_t cells)
 
 /* ---- where the rotor is ---- */
 
-/* The place of an angle in a period of several turns. It keeps track of the turn in which the rotor is. */
+/* Returns the place of an angle in a period of several turns. Updates map->turn, the turn that the rotor is in. */
 CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t turns = memory->config.turns;
-    if (angle - map->angle < 0x80000000U) { /* the shorter way round */
+    if (angle - map->angle < 0x80000000U) { /* the shorter way is forward */
         map->turn = angle < map->angle ? wrapped(map->turn + 1U, turns) : map->turn;
     } else {
         map->turn = angle > map->angle ? wrapped(map->turn + turns - 1U, turns) : map->turn;
     }
     map->angle = angle;
-    /* the fractional part of (turn + angle) periods / turns, in parts whose products fit into 32 bits */
+    /* the fractional part of (turn + angle) * periods / turns: 32-bit products are enough, as whole periods wrap away */
     const uint32_t whole = memory->periods / turns, over = memory->periods % turns;
     const uint32_t from = map->turn * over % turns, rest = angle % turns;
     return cgl_share_of_turn(from, turns)
            + angle / turns * memory->periods + rest * whole + rest * over / turns;
 }
 
-/* The entry of cell number n, which is counted in the direction of motion. */
+/* Returns the index of the entry of cell n. Cells are counted in the direction of motion. */
 static inline uint32_t entry_of(const cgl_memory *memory, uint32_t n)
 {
     return memory->map.backward ? memory->config.cells - 1U - n : n;
 }
 
-/* Index of the old entry of the cell that was passed `age` cells ago. */
+/* Returns the index of the ring's entry for the cell that was passed `age` cells ago. */
 static inline uint32_t ring_place(const cgl_memory *memory, uint32_t age)
 {
     const uint32_t length = memory->config.q_half_width + 1U;
     return memory->config.cells + wrapped(memory->map.head + length - age, length);
 }
 
-/* Starts anew at a place, with a sum over one cell. */
+/* Restarts the map at the place x [2^-32 periods]. The Q filter's sum then covers one cell. */
 CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x)
 {
     cgl_angle_map *const map = &memory->map;
@@ -253,7 +253,7 @@ CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x)
     }
 }
 
-/* Widens the sum by one cell on each side. */
+/* Widens the Q filter's sum by one cell on each side. */
 CGL_SELDOM static void widen(cgl_memory *memory)
 {
     cgl_angle_map *const map = &memory->map;
@@ -270,7 +270,7 @@ CGL_SELDOM static void widen(cgl_memory *memory)
     map->anew_left = 2U * half + 1U;
 }
 
-/* Passes `count` cells, and puts their old entries into the ring. */
+/* Moves the map's place and the Q filter's sums on by `count` cells. The old entries of these cells go into the ring. */
 CGL_APART static void pass(cgl_memory *memory, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
@@ -308,24 +308,24 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
     }
 }
 
-/* Starts anew at a place that does not continue the motion, because the rotor starts, jumps, or turns back. Returns the way if it is a
- * jump by more than a quarter of the period, else 0. */
+/* Restarts the map where the rotor does not continue its motion: at a start, a jump or a reversal. Returns the way [2^-32 periods] after
+ * a jump by more than a quarter of the period, else 0. */
 CGL_SELDOM static uint32_t start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
     const bool back = map->started && moved >= QUARTER_BACK - map->width;
     const uint32_t leap = map->started && moved > QUARTER && !back ? moved : 0U;
-    if (back) { /* it has turned back by a cell or more */
+    if (back) { /* the rotor has turned back by a cell or more */
         map->backward = !map->backward;
         x = 0U - map->width - x;
     }
     seat(memory, x);
-    map->passed = moved <= QUARTER ? count : 0U; /* if the next step is as long, it is no jump */
+    map->passed = moved <= QUARTER ? count : 0U; /* a next step of the same length is no jump */
     return leap;
 }
 
-/* Follows the rotor to a place in the period. Returns the way [2^-32 periods], or 0 if it starts anew, except after a jump by more than a
- * quarter of the period. */
+/* Follows the rotor to a place in the period. Returns the way since the last step [2^-32 periods]. After a restart it returns 0, or the
+ * way if the rotor jumped by more than a quarter of the period. */
 static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 {
     cgl_angle_map *const map = &memory->map;
@@ -333,7 +333,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     const uint64_t wide = (uint64_t)x * cells;
     const uint32_t n = (uint32_t)(wide >> 32), apart = n - map->at, count = apart < cells ? apart : apart + cells;
     if (!(map->started && moved <= QUARTER && count <= REACH + 2U * map->passed)) {
-        if (map->started && moved > 0U - map->width) { /* back by less than a cell counts as standing */
+        if (map->started && moved > 0U - map->width) { /* a way back of less than a cell counts as standstill */
             map->passed = 0U;
             return 0U;
         }
@@ -344,7 +344,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     map->passed = count;
     if (count > 0U && memory->config.q_half_width > 0U) {
         pass(memory, count);
-    } else if (count > 0U) { /* without a filter only the last cell counts */
+    } else if (count > 0U) { /* without a Q filter the sum is the entry of the last cell */
         cgl_real *entry = memory->cell;
         for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
             memory->channel[c].sum = entry[cells] = entry[entry_of(memory, n)];
@@ -356,8 +356,8 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 
 /* ---- what is learned there ---- */
 
-/* Called at the end of a period of this many entries. It sets each channel's drain, the part of the mean that the next period removes
- * from the memory, and clears the sum of the mean. */
+/* Ends a period of `entries` entries. Sets each channel's `drain`, the part of the mean that the next period removes from the memory.
+ * Clears the sum for the mean. */
 CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
 {
     const cgl_real share = (cgl_real)memory->config.cells / entries;
@@ -369,9 +369,9 @@ CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
     }
 }
 
-/* Adds the next cells of the map to the sum of the mean: as many as the rotor passes in this step, and at least one. These cells need not
- * be where the rotor is. So while the rotor turns, the mean is at most a period old, and while it rocks within a few cells the whole map
- * still is read. */
+/* Adds the next cells to the sum for the mean: as many as the rotor passes in this step, and at least one. This scan has a place of its
+ * own, apart from the rotor. While the rotor turns, the mean is at most one period old. While the rotor rocks within a few cells, the
+ * scan still reads the whole map. */
 CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 {
     const uint32_t cells = memory->config.cells, first = memory->scan_cell, passed = memory->map.passed;
@@ -395,8 +395,8 @@ CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 }
 
 #ifndef COGLESS_NO_DELAY_LINE
-/* Adds the present sample of a delay line to the sum of the mean. A period ends within a sample; the rest of that sample counts for the
- * next period. */
+/* Adds the present sample of a delay line to the sum for the mean. A period may end within a sample. The rest of the sample then counts
+ * for the next period. */
 CGL_APART static void gather_samples(cgl_memory *memory)
 {
     cgl_delay_line *const line = &memory->line;
@@ -419,14 +419,14 @@ CGL_APART static void gather_samples(cgl_memory *memory)
 }
 #endif
 
-/* Adds the corrections at the place of `lead` samples ago, which assumes the present speed since then. */
+/* Adds the corrections at the place of `lead` samples ago. This place is computed with the present speed. */
 CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, lead = memory->config.lead;
     const uint32_t x = map->x - moved * lead, passed = x - map->lag_x;
     if (map->lagging && (passed == 0U || passed > 0x80000000U)) {
-        return; /* strong acceleration moves that place backward: it waits until the place is ahead again */
+        return; /* strong acceleration moves that place backward: nothing is corrected until the place moves ahead again */
     }
     const uint64_t wide = (uint64_t)x * cells;
     const uint32_t n = (uint32_t)(wide >> 32), apart = n - (uint32_t)(((uint64_t)map->lag_x * cells) >> 32);
@@ -451,7 +451,7 @@ CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_rea
     map->lagging = true;
 }
 
-/* Fills `value` with what the map holds at the place, without learning. */
+/* Fills `value` with the map's value at the rotor's place, interpolated between two cells. Nothing is learned. */
 CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
 {
     cgl_angle_map *const map = &memory->map;
@@ -464,7 +464,8 @@ CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
     map->follows = map->lagging = false;
 }
 
-/* Recalls, corrects and stores at a place of the map. The cells passed get values on the line from the last value to this one. */
+/* Learns at the rotor's place of the map: recalls, corrects and stores. The cells passed get values on the line from the last value to
+ * the present one. */
 CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_real *correction, cgl_real *value)
 {
     cgl_angle_map *const map = &memory->map;
@@ -513,7 +514,7 @@ static inline bool are_finite(const cgl_real *x, uint32_t count)
     return finite;
 }
 
-/* Repeats the last values, as the place is unknown. */
+/* Fills `value` with the last values, because the rotor's place is unknown. */
 CGL_SELDOM static void lose(cgl_memory *memory, cgl_real *value)
 {
     for (uint32_t c = 0; c < memory->config.channels; ++c) {
@@ -532,7 +533,8 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
         return false;
     }
     const uint32_t angle = cgl_turns(theta);
-    const uint32_t place = CGL_OFTEN(memory->config.turns == 1U) ? angle * memory->periods /* whole periods drop out as the product wraps */
+    const uint32_t place = CGL_OFTEN(memory->config.turns == 1U) ? angle * memory->periods /* the product wraps, so whole periods drop
+                                                                                              out */
                                                                  : place_in_turns(memory, angle);
     if (CGL_OFTEN(memory->config.kind == CGL_MEMORY_ANGLE)) {
         const uint32_t moved = follow(memory, place);
@@ -564,6 +566,7 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
 CGL_SELDOM cgl_real cgl_memory_fastest(const cgl_memory *memory)
 {
     const cgl_memory_config *const config = &memory->config;
-    const cgl_real period = CGL_TWO_PI * (cgl_real)config->turns / (cgl_real)memory->periods; /* the period in theta [rad] */
+    const cgl_real period = CGL_TWO_PI * (cgl_real)config->turns / (cgl_real)memory->periods; /* the memory's period as an angle theta
+                                                                                                 [rad] */
     return period / ((cgl_real)memory->fewest * memory->ts);
 }

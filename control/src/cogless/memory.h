@@ -1,8 +1,8 @@
 /* The memory of a learning law. It recalls what was learned one period of an angle ago, for up to three functions of the angle at once.
  *
  * There are three kinds. CGL_MEMORY_ANGLE is a map over the period, whose cells are written as the rotor passes them. It allows any
- * speed, standstill and reversal. CGL_MEMORY_TIME is a delay line as long as a period at the reference speed. CGL_MEMORY_DELAY is a delay
- * line that is read where the angle was one period less, at the time P_t ago, as in Verrelli 2016; see delay_line.h. */
+ * speed, standstill and reversal. CGL_MEMORY_TIME is a delay line as long as a period at the reference speed. CGL_MEMORY_DELAY is a
+ * delay line that is read at the time P_t ago, when the angle was one period less (Verrelli 2016); see delay_line.h. */
 #ifndef COGLESS_MEMORY_H
 #define COGLESS_MEMORY_H
 
@@ -17,7 +17,7 @@ extern "C" {
 
 #define CGL_CHANNELS 3
 #define CGL_CELLS_MAX 65535U      /* largest number of entries of a map */
-#define CGL_SAMPLES_MAX 16777216U /* largest number of samples in a delay line: a float counts no further */
+#define CGL_SAMPLES_MAX 16777216U /* largest number of samples in a delay line: a float counts exactly up to this number */
 
 typedef enum { CGL_MEMORY_ANGLE, CGL_MEMORY_TIME, CGL_MEMORY_DELAY } cgl_memory_kind;
 typedef enum { CGL_DELAY_ODE, CGL_DELAY_INVERSION } cgl_delay_method;
@@ -25,39 +25,41 @@ typedef enum { CGL_DELAY_ODE, CGL_DELAY_INVERSION } cgl_delay_method;
 typedef struct {
     cgl_memory_kind kind;         /* default CGL_MEMORY_ANGLE */
     uint32_t channels;            /* number of functions of the angle, 1 to CGL_CHANNELS; 0: default 1 */
-    uint32_t cells;               /* of a map: entries per period, 4 to 65535; of a delay line: longest period [samples], 4 to 16777216 */
+    uint32_t cells;               /* kind angle: entries per period, 4 to 65535; other kinds: longest period [samples], 4 to 16777216 */
     uint32_t turns, parts;        /* the period is turns / parts of a revolution, each 1 to 65535; 0: default 1 */
-    uint32_t q_half_width;        /* zero-phase low-pass (Q filter): mean of an entry and of this many on each side, 0 to
-                                     cells / 2 - 1; 0: no filter; default 0 */
-    uint32_t lead;                /* a correction goes to the place of this many samples ago, which makes up for the delay of the
-                                     loop [samples], 0 to cells / 4; 0: to the present place, and it acts at once; default 0 */
-    cgl_real forgetting;          /* factor on what is recalled, before the correction is added [-], > 0, <= 1; 0: default 1 */
-    cgl_real limit[CGL_CHANNELS]; /* entries of the channels in use stay within +-limit [unit of the entry], > 0,
-                                     2 (q_half_width + 1) limit finite */
-    cgl_delay_method method;      /* of kind delay: method to find P_t; default CGL_DELAY_ODE, as in the paper */
-    cgl_real k_pp;                /* of kind delay with CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; 0: default 10 */
+    uint32_t q_half_width;        /* half width of the Q filter, a zero-phase low-pass: the mean of an entry and of this many on each
+                                     side, 0 to cells / 2 - 1; 0: no filter; default 0 */
+    uint32_t lead;                /* a correction is stored at the place of this many samples ago, to make up for the loop's delay
+                                     [samples], 0 to cells / 4; 0: it is stored at the present place and acts at once; default 0 */
+    cgl_real forgetting;          /* factor on the recalled value; the correction is added after it [-], > 0, <= 1; 0: default 1 */
+    cgl_real limit[CGL_CHANNELS]; /* entries of the channels in use stay within +-limit [unit of the entry], > 0; 2 (q_half_width + 1)
+                                     limit must be finite */
+    cgl_delay_method method;      /* kind delay: method to find P_t; default CGL_DELAY_ODE, as in the paper */
+    cgl_real k_pp;                /* kind delay with CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; 0: default 10 */
 } cgl_memory_config;
 
-/* State of a map. The Q filter needs the entries on both sides of the rotor as they were a period ago, but the cells behind the rotor
- * have been written since. So the old entries of the cells last passed stay in a ring behind the map. When the rotor turns backward,
- * cells are counted from the other end: so a rotor always moves to higher numbers. */
+/* State of a map. The Q filter needs the entries of one period ago on both sides of the rotor. The cells behind the rotor already have
+ * new values. So a ring behind the map keeps the old entries of the cells passed last. While the rotor turns backward, cells are counted
+ * from the other end. So the cell number always rises. */
 typedef struct {
-    bool backward;                 /* true: cell number n is entry cells - 1 - n, and place x is at -width - x; false: n and x as they are */
+    bool backward;                 /* true: cell n is entry cells - 1 - n, and x is -width less the place; false: cell n is entry n, and
+                                      x is the place */
     bool started;                  /* x is valid */
-    bool follows;                  /* the last step learned, so the cells up to the next value lie on a line between the two values */
+    bool follows;                  /* the last step learned: the cells passed next get values on the line from its value to the next
+                                      value */
     bool lagging;                  /* lag_x and correction are valid */
     uint32_t angle;                /* last angle [2^-32 revolutions] */
     uint32_t turn;                 /* turn within a period of several turns */
     uint32_t x;                    /* place in the period, counted in the direction of motion [2^-32 periods] */
     uint32_t at;                   /* number of the cell at x or before it */
-    cgl_real part;                 /* share of the way from that cell to the next one */
+    cgl_real part;                 /* share of the way from cell `at` to the next one */
     uint32_t width;                /* width of a cell [2^-32 periods] */
-    cgl_real per_cell;             /* the same as a real number [2^-32 periods] */
-    uint32_t most;                 /* longest way of a step in which it learns [2^-32 periods] */
+    cgl_real per_cell;             /* width of a cell, as a real number [2^-32 periods] */
+    uint32_t most;                 /* longest way in a step in which the map learns [2^-32 periods] */
     uint32_t passed;               /* number of cells passed in the last step */
-    uint32_t head;                 /* index in the ring of the cell passed last */
+    uint32_t head;                 /* ring index of the cell passed last */
     uint32_t half;                 /* the sum covers the cell `at` and this many on each side; at q_half_width it is complete */
-    uint32_t anew_left;            /* cells until the channels' new sums are complete */
+    uint32_t anew_left;            /* cells to pass until the channels' sums `anew` are complete */
     uint32_t lag_x;                /* place of the last correction, `lead` samples behind [2^-32 periods] */
 } cgl_angle_map;
 
@@ -65,12 +67,12 @@ typedef struct {
 typedef struct {
     cgl_real value;      /* value of the last step, within the limit */
     cgl_real limit;      /* limit from the config */
-    cgl_real sum;        /* map: sum of the old entries of the cells in the Q filter */
-    cgl_real anew;       /* map: the same sum, begun anew; it replaces `sum` once it is complete, which removes rounding errors */
+    cgl_real sum;        /* map: sum of the entries in the Q filter, as they were before the rotor passed them */
+    cgl_real anew;       /* map: the same sum, begun anew. Once complete, it replaces `sum`, to remove rounding errors */
     cgl_real correction; /* map: last correction */
-    cgl_real partial;    /* part of the mean over this period that has been summed */
+    cgl_real partial;    /* sum so far for the mean over this period */
     cgl_real drain;      /* centred: part of the mean that the next period removes, times the number of entries in the Q filter */
-    cgl_real transfer;   /* centred: part that the last learning step removed, for the integral */
+    cgl_real transfer;   /* centred: part of the mean that the last learning step removed; it belongs to the integral */
 } cgl_channel;
 
 /* State of a delay line, which is a ring of samples. */
@@ -81,7 +83,7 @@ typedef struct {
     cgl_real p_t;      /* delay: P_t [s]; 0 if it is unknown */
     cgl_real distance; /* delay: angle from the sample `then` to the newest one [periods] */
     cgl_real part;     /* share of the way from the sample `then` to the one before it */
-    cgl_real span;     /* number of samples in the sum of the mean */
+    cgl_real span;     /* number of samples in the sum for the mean */
     uint32_t then;     /* index of the sample of one period ago */
     bool tracking;     /* delay: `then` and `part` belong to P_t */
 } cgl_delay_line;
@@ -91,12 +93,13 @@ typedef struct {
     bool learning;                /* the last step learned */
     cgl_angle_map map;
     uint32_t row;                 /* entries of a channel: CGL_MEMORY_ROW */
-    uint32_t fewest;              /* it does not learn with fewer samples than this in a period */
+    uint32_t fewest;              /* smallest number of samples in a period with which the memory learns */
     uint32_t periods;             /* number of periods in `turns` revolutions of theta */
-    uint32_t centred;             /* the first `centred` channels have means that belong to an integral */
-    uint32_t scan_cell;           /* next cell of the map for the sum of the mean */
-    cgl_real *cell;               /* caller's memory, a row of CGL_MEMORY_ROW entries for each channel: the cells and the ring of a
-                                     map, or the samples of a delay line. In kind delay a row of x comes first */
+    uint32_t centred;             /* number of channels, from the first on, whose means belong to an integral */
+    uint32_t scan_cell;           /* next cell to add to the sum for the mean */
+    cgl_real *cell;               /* caller's memory: one row of CGL_MEMORY_ROW entries per channel. A row has the cells and the ring of
+                                     a map, or the samples of a delay line. In kind delay a row before them has the angle x of each
+                                     sample */
     cgl_real gain;                /* forgetting, divided by the number of entries in the Q filter */
     cgl_real per_entry;           /* weight of an entry in the mean */
     cgl_real ts;                  /* sampling period [s] */
@@ -120,9 +123,9 @@ typedef struct {
 /* The first field that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_memory_bad_field(const cgl_memory_config *config, cgl_real ts);
 
-/* Copies the config, and clears the caller's memory. `length` is its number of entries, exactly CGL_MEMORY_LENGTH, so that a sizeof is
- * refused. ts is the sampling period [s], > 0. The config counts `ratio` revolutions for one of theta, 1 to 65535.
- * COGLESS_NO_DELAY_LINE leaves delay_line.c out; then a map is the only kind. */
+/* Copies the config, and clears the caller's memory. `length` must be exactly CGL_MEMORY_LENGTH, a number of entries: a sizeof is
+ * refused. ts is the sampling period [s], > 0. One revolution of theta counts as `ratio` revolutions in the config, 1 to 65535. With
+ * COGLESS_NO_DELAY_LINE, delay_line.c is left out, and a map is the only kind. */
 cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio, cgl_real *cell,
                           uint32_t length);
 
@@ -130,37 +133,38 @@ cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, c
  * limits. The run time grows with the number of cells. */
 cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
 
-/* Sets a further factor, 0 to 1, on what is recalled before a correction is added. 1 undoes it. 0, with corrections of 0, clears the cells
+/* Sets a second factor, 0 to 1, on the recalled value, beside `forgetting`. 1 has no effect. 0, with corrections of 0, clears the cells
  * that the rotor passes. */
 void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
 
-/* Declares that an integral beside the memory has the means of the first `centred` channels over a period; after init it has none. Two
- * integrators of one mean would drift apart. So a learning period keeps at most 15/16 of such a channel's mean, and all of the rest.
- * A step removes `transfer` from the channel. Add it to the integral: then the sum of channel and integral stays the same. */
+/* Declares that an integral beside the memory has the means of the first `centred` channels. After init, `centred` is 0. Two integrators
+ * of the same mean would drift apart. So each learning period keeps at most 15/16 of such a channel's mean. The rest of the channel is
+ * not reduced. A learning step removes `transfer` from the channel. Add `transfer` to the integral: then the sum of channel and integral
+ * stays the same. */
 void cgl_memory_centre(cgl_memory *memory, uint32_t centred);
 
 /* Forgets everything learned. */
 void cgl_memory_reset(cgl_memory *memory);
 
-/* Does one step. It recalls what was learned one period ago, adds the correction of each channel if it learns, and stores the result. It
- * fills `value` with what acts now in each channel, before the limit, and with the correction if there is no lead. Returns whether it
- * has learned. If not, it repeats what it holds, and a map stays bit for bit.
+/* Does one step: recalls what was learned one period ago, adds each channel's correction, and stores the result. `value` gets each
+ * channel's present value, before the limit. Without a lead the correction is a part of it. Returns whether the step has learned. A step
+ * that does not learn adds no correction, and leaves a map bit for bit as it is.
  *
- * theta is the angle [rad], any revolution below CGL_ANGLE_MAX. `speed` is that of theta [rad/s]: kind time uses its magnitude, and kind
+ * theta is the angle [rad], any revolution below CGL_ANGLE_MAX. `speed` is the speed of theta [rad/s]. Kind time uses its magnitude. Kind
  * delay runs while it is > 0.
  *
- * No kind learns if `learn` is false, the angle is not plausible, a correction is not finite, or the speed is above
- * cgl_memory_fastest(). After a jump or a reversal of the rotor, a map does not learn until the sum of its Q filter is complete again,
- * which takes one step per cell. A delay line stops while the period is longer than the line. Kind time also stops above
- * cgl_memory_fastest(). While it stops, and while an angle is not plausible, the last value acts on.
+ * No kind learns if `learn` is false, the angle is not plausible, a correction is not finite, or the speed is above cgl_memory_fastest().
+ * After a jump or a reversal of the rotor, a map does not learn until the sum of its Q filter is complete again. This takes one step per
+ * cell of q_half_width. A delay line stops while the period is longer than the line. Kind time also stops above cgl_memory_fastest(). While
+ * a delay line stops, or the angle is not plausible, the last value goes on acting.
  *
  * A rotor that turns back by less than a cell counts as standing. A jump is a step by more than a quarter of the period, or by more
  * cells than 16 plus twice those of the last step. */
 bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
                      cgl_real *value);
 
-/* The highest speed of theta at which the memory learns [rad/s]. Up to it, a sample and the lead are at most a quarter of the period, and
- * the Q filter of a delay line fits into the period. */
+/* Returns the highest speed of theta at which the memory learns [rad/s]. At this speed a sample and the lead each take at most a quarter
+ * of the period. The Q filter of a delay line fits into the period. */
 cgl_real cgl_memory_fastest(const cgl_memory *memory);
 
 #ifdef __cplusplus

@@ -3,12 +3,13 @@
 #include "angle.h"
 #include "range.h"
 
-/* The next attempt to turn a stuck rotor begins after 11 times the length of the last one: the attempt and a rest of ten times its
- * length. That is soon enough for a sensor that works again, and seldom enough for the heat of a winding. */
+/* The next attempt to turn a stuck rotor begins 11 attempt lengths after the last one began: the attempt itself, and a rest of ten
+ * lengths. So a sensor that works again is noticed soon, and the winding can cool. */
 #define ATTEMPT_SPACING 11U
 #define PERIODS_MAX CGL_R(1.0e9)
 
-/* The square of a bound. It is the largest number where the bound is 0, and never infinite: so infinity is never plausible. */
+/* Returns the square of a bound; for a bound of 0 the largest number. The square is never infinite, so an infinite value is never
+ * plausible. */
 CGL_SELDOM static cgl_real squared_bound(cgl_real bound)
 {
     return bound > CGL_R(0.0) ? cgl_clamped(bound * bound, CGL_REAL_MAX) : CGL_REAL_MAX;
@@ -24,7 +25,7 @@ CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
 {
     const cgl_real exact = cgl_clamped(time / ts, PERIODS_MAX);
     const uint32_t whole = (uint32_t)exact;
-    /* an excess of less than a thousandth comes from the rounding of time / ts */
+    /* Rounds up, unless time / ts is above `whole` by less than a thousandth of itself: such a rest is rounding error. */
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
 }
 
@@ -70,7 +71,7 @@ CGL_SELDOM static void apply_config(cgl_monitor *monitor, const cgl_monitor_conf
     limits->speed_square = squared_bound(config->omega_max);
     limits->stuck_square = squared_bound(config->stuck_angle);
     limits->doubt_square = squared_bound(CGL_R(0.25) * config->stuck_angle);
-    /* in three phases the squares add up to 3/2 of the square of the vector's length */
+    /* with three phases, the sum of the squares is 3/2 of the squared length of the vector */
     limits->current_square = squared_bound(config->current_max);
     if (config->phases == 3U) {
         limits->current_square = cgl_clamped(CGL_R(1.5) * limits->current_square, CGL_REAL_MAX);
@@ -122,13 +123,13 @@ CGL_SELDOM bool cgl_monitor_trust(cgl_monitor *monitor)
     return monitor->has_angle;
 }
 
-/* Adds 1 to a count, which stays at its largest value. */
+/* Adds 1 to a count. A count at its largest value stays. */
 CGL_SELDOM static void count_up(uint32_t *count)
 {
     *count += *count < UINT32_MAX ? 1U : 0U;
 }
 
-/* Takes 1 from a count, which stays at 0. */
+/* Takes 1 from a count. A count of 0 stays. */
 CGL_SELDOM static void count_down(uint32_t *count)
 {
     *count -= *count > 0U ? 1U : 0U;
@@ -140,7 +141,7 @@ static bool is_not_zero(cgl_real x)
     return cgl_abs(x) > CGL_R(0.0);
 }
 
-/* The same angle within the first turn. */
+/* Returns the same angle in [0, 2 pi). */
 CGL_SELDOM static cgl_real in_turn(cgl_real theta)
 {
     if (cgl_is_in_turn(theta)) {
@@ -149,7 +150,7 @@ CGL_SELDOM static cgl_real in_turn(cgl_real theta)
     return CGL_TWO_PI * cgl_fraction(theta * (CGL_R(1.0) / CGL_TWO_PI));
 }
 
-/* The short way from one angle to another, both within the first turn. */
+/* Returns to - from as the shorter way round. Both angles are in [0, 2 pi). */
 CGL_SELDOM static cgl_real difference(cgl_real to, cgl_real from)
 {
     const cgl_real d = to - from;
@@ -170,8 +171,8 @@ static inline bool is_sum_zero(const cgl_monitor *monitor, const cgl_real i[3])
     return monitor->config.phases != 3U || sum * sum <= monitor->limits.sum_square;
 }
 
-/* Handles an ordinary period in few instructions: the last period was trusted, and this one is plausible. Returns false, with the
- * state untouched, in any other period. */
+/* Handles an ordinary period in few instructions. A period is ordinary if the last one was trusted and this one is plausible. In any
+ * other period it returns false and leaves the state untouched. */
 static inline bool is_ordinary(cgl_monitor *monitor, const cgl_measurement *now,
                                cgl_real omega_ref)
 {
@@ -184,7 +185,7 @@ static inline bool is_ordinary(cgl_monitor *monitor, const cgl_measurement *now,
         return false;
     }
     if (config->phases != 0U) {
-        const cgl_real zero_or_nan = now->u_dc - now->u_dc; /* NaN where u_dc is infinite: then the comparison below fails */
+        const cgl_real zero_or_nan = now->u_dc - now->u_dc; /* 0, or NaN if u_dc is infinite; with NaN the comparison below fails */
         if (!(now->u_dc > CGL_R(0.0) && is_sum_zero(monitor, now->i_abc)
               && sum_of_squares(config, now->i_abc) + zero_or_nan <= limits->current_square)) {
             return false;
@@ -211,17 +212,17 @@ void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
     }
 }
 
-/* Decides at the end of a gap which offset the sensor has: none, the one before the gap, or a new one. `theta` is the sensor's angle,
- * which agrees with the one before, and `d` the way between the two.
+/* Decides at the end of a gap which offset the sensor has: 0, the offset before the gap, or a new one. `theta` is the sensor's angle, and
+ * `d` its change since the sensor's last angle, with which it agrees.
  *
- * An offset of 0 is possible where it puts the rotor within reach of its expected place. A rotor that counted as stuck may be
- * anywhere. Where the angle stood still while the reference turned, the sensor may have been what stood, and the rotor may have
- * turned on by about as much as the reference. */
+ * An offset of 0 is possible if it puts the rotor within reach of its expected place. A rotor that counted as stuck may be anywhere. If
+ * the angle stood still while the reference turned, the sensor may have stood still and not the rotor. The rotor may then have turned by
+ * about as much as the reference. */
 CGL_SELDOM static void end_gap(cgl_monitor *monitor, cgl_real theta, cgl_real d)
 {
     const cgl_monitor_config *const config = &monitor->config;
     const cgl_real offset = difference(theta, in_turn(monitor->theta_m + d)), ref_turned = monitor->ref_turned;
-    /* one period more than are missing: the angle before the gap may be wrong too */
+    /* one period more than the gap has: the angle before the gap may be wrong too */
     const cgl_real reach = monitor->limits.travel * ((cgl_real)monitor->gap_periods + CGL_R(1.0));
     const bool moved_unseen = config->stuck_angle > CGL_R(0.0) && offset * ref_turned > CGL_R(0.0);
     const cgl_real from_old = cgl_abs(difference(offset, monitor->offset_before_gap)), from_none = cgl_abs(offset);
@@ -243,8 +244,8 @@ CGL_SELDOM static void end_attempt(cgl_monitor *monitor)
     monitor->standstill = monitor->full_current = monitor->stuck_after = 0U;
 }
 
-/* Counts the periods of an attempt to turn the rotor, and those of them with full current. A period with less current takes back
- * one with full current, since a limit may flicker. Returns whether the attempt has failed: then the rotor counts as stuck. */
+/* Counts the periods of an attempt to turn the rotor, and those with full current among them. A period with less current takes 1 off the
+ * second count, since a limit may flicker. Returns whether the attempt has failed. The rotor then counts as stuck. */
 CGL_SELDOM static bool has_attempt_failed(cgl_monitor *monitor, cgl_real ref_turned_square, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
@@ -256,17 +257,17 @@ CGL_SELDOM static bool has_attempt_failed(cgl_monitor *monitor, cgl_real ref_tur
             count_down(&monitor->full_current);
         }
         if (ref_turned_square > limits->stuck_square && monitor->full_current > 0U && monitor->full_current >= limits->stuck) {
-            const uint32_t most = UINT32_MAX / ATTEMPT_SPACING; /* larger values would overflow when multiplied by the spacing */
-            monitor->stuck_after = monitor->standstill / ATTEMPT_SPACING < most ? monitor->standstill : most;
+            const uint32_t most = UINT32_MAX / ATTEMPT_SPACING; /* largest value that standstill / ATTEMPT_SPACING can reach */
+            monitor->stuck_after = monitor->standstill < most ? monitor->standstill : most;
             monitor->full_current = 0U;
         }
     }
     return monitor->stuck_after > 0U;
 }
 
-/* Whether full current has not turned the rotor although the reference has turned. `d` is the way of the angle in this period. The
- * state ends when the angle moves or the reference stands still. If the reference goes on, it is false for one period when the next
- * attempt is due. */
+/* Whether the rotor counts as stuck: the reference has turned, and full current has not moved the angle. `d` is the change of the angle
+ * in this period. The stuck state ends when the angle moves or the reference stands still. While the reference turns, the result is
+ * false for one period whenever the next attempt is due. */
 CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega_ref, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
@@ -292,18 +293,18 @@ CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega
     if (!is_next_due && is_not_zero(omega_ref)) {
         return true;
     }
-    monitor->hold_wait = is_next_due ? 0U : monitor->hold_wait; /* else `hold` could outlast the new attempt */
+    monitor->hold_wait = is_next_due ? 0U : monitor->hold_wait; /* otherwise `hold` could outlast the new attempt */
     end_attempt(monitor);
     return false;
 }
 
-/* Whether no speed was plausible for longer than `bridge`, because the angle jumped again and again. */
+/* Whether repeated jumps of the angle have left no plausible speed for longer than `bridge`. */
 static bool is_speed_lost(const cgl_monitor *monitor)
 {
     return monitor->speed_lost > monitor->limits.window + monitor->limits.bridge;
 }
 
-/* Follows an angle that agrees with the one before, with the way `d` between them. Returns whether the rotor is stuck. */
+/* Follows an angle that agrees with the last one; `d` is its change. Returns whether the rotor is stuck. */
 static bool follow_angle(cgl_monitor *monitor, cgl_real theta, cgl_real d, cgl_real omega_ref, bool full)
 {
     if (monitor->missing_angles > 0U) {
@@ -316,7 +317,7 @@ static bool follow_angle(cgl_monitor *monitor, cgl_real theta, cgl_real d, cgl_r
     return stuck;
 }
 
-/* Lets the rotor turn on at its last speed, as the angle is missing or has jumped. */
+/* Moves theta_m on at the last speed, because the angle is missing or has jumped. */
 static void bridge_angle(cgl_monitor *monitor, bool jumped)
 {
     monitor->theta_m = in_turn(monitor->theta_m + monitor->omega_m * monitor->ts);
@@ -326,7 +327,7 @@ static void bridge_angle(cgl_monitor *monitor, bool jumped)
     }
 }
 
-/* Takes the measured speed if it can be believed. Returns false if it is implausible although no jump disturbs it. */
+/* Takes the measured speed if it is plausible. Returns false if it is implausible and no jump of the angle explains that. */
 static bool follow_speed(cgl_monitor *monitor, cgl_real omega_m)
 {
     if (monitor->speed_wait > 0U) {
@@ -341,7 +342,7 @@ static bool follow_speed(cgl_monitor *monitor, cgl_real omega_m)
     return true;
 }
 
-/* Counts how far a gap has come, and how far it has been made up for. */
+/* Counts the missing angles of a gap. A good period takes one off the count. */
 static void count_gap(cgl_monitor *monitor, bool missing)
 {
     if (missing) {
@@ -411,7 +412,7 @@ CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *no
     }
     monitor->safe = monitor->hold_wait > 0U;
     monitor->status = status | (monitor->safe ? (unsigned)CGL_STATUS_FAULT : 0U);
-    /* after a stuck sensor a period is trusted only once the sensor has shown that the rotor turns */
+    /* after a stuck state no period is trusted until the sensor has shown that the rotor turns */
     monitor->trusted = monitor->status == 0U && monitor->missing_angles == 0U && monitor->speed_wait == 0U
                        && monitor->standstill == 0U && !monitor->stuck_since_moved;
 }

@@ -1,24 +1,24 @@
 /* Checks once per current-loop period whether the measurements of a drive are plausible, before anything uses them.
  *
- * Jump: the angle steps by more than omega_max ts + angle_step. No rotor turns so fast, so the sensor has jumped. The jump is
- * subtracted from the angle, and torque and commutation go on. A map belongs to the true angle. So learning waits until the sensor
- * jumps back, or until cgl_monitor_trust() says that the new angle is right.
+ * Jump: the angle steps by more than omega_max ts + angle_step. No rotor turns so fast, so the sensor has jumped. The jump is subtracted
+ * from the angle, and torque and commutation go on. A learned map belongs to the true angle. So learning waits until the sensor jumps back,
+ * or until cgl_monitor_trust() says that the new angle is right.
  *
- * Gap: angles are missing, because they are not finite or jump in every period. The last speed bridges a gap of up to `bridge`. The
- * output is safe, which means zero voltage, if the gap is longer, or if the speed has been implausible for as long. Two angles in a
- * row that agree end the gap. The sensor is then right, or has the same offset as before the gap, whichever puts the rotor nearer to
- * where it should be. If the rotor can be at neither place, the sensor has jumped. After a gap longer than `bridge` in a sensor that
- * had an offset before it, the rotor's place is unknown. The output then stays safe until cgl_monitor_trust().
+ * Gap: angles are missing, because they are not finite or jump in every period. The last speed bridges a gap of up to `bridge`. If the gap
+ * is longer, or the speed is implausible for longer, the output becomes safe: zero voltage. Two successive angles that agree end the gap.
+ * The sensor's offset is then 0, or the same as before the gap, whichever puts the rotor nearer to its expected place. If the rotor can be
+ * at neither place, the sensor has jumped. If a sensor that already has an offset has a gap longer than `bridge`, the rotor's place is
+ * unknown. The output then stays safe until cgl_monitor_trust().
  *
- * Stuck: the angle stands still while the reference turns. Once the reference has turned by a quarter of stuck_angle, learning stops,
- * and the feedback gets time to raise the current. The output becomes safe once the reference has turned by stuck_angle and full
- * current has not moved the angle for stuck_time. It stays safe until the angle moves or the reference stands still. After a rest
- * of ten times the length of that attempt, the next attempt follows.
+ * Stuck: the angle stands still while the reference turns. Once the reference has turned by a quarter of stuck_angle, learning stops, and
+ * the feedback gets time to raise the current. The output becomes safe once the reference has turned by stuck_angle and full current has
+ * not moved the angle for stuck_time. It stays safe until the angle moves or the reference stands still. After a rest of ten times the
+ * length of that attempt, the next attempt follows.
  *
  * An implausible current or bus voltage makes the output safe too. The output stays safe for `hold` after the last cause.
  *
- * At zero voltage a turning motor carries its short-circuit current, up to psi_f / L_d. If the hardware can, open the bridge while
- * the output is safe (CGL_STATUS_OFF). */
+ * At zero voltage a turning motor carries its short-circuit current, up to psi_f / L_d. If the hardware can, open the bridge while the
+ * output is safe (CGL_STATUS_OFF). */
 #ifndef COGLESS_MONITOR_H
 #define COGLESS_MONITOR_H
 
@@ -33,15 +33,17 @@ extern "C" {
 
 /* A bound of 0 is not checked. A value that is not finite is never plausible. No time is longer than 1e9 ts. */
 typedef struct {
-    cgl_real omega_max;    /* largest mechanical speed of the rotor; the measured speed, with one more count in its window, stays
-                              below it too [rad/s], >= 0; default 0 */
+    cgl_real omega_max;    /* largest mechanical speed of the rotor, also as measured with one count more in the speed window [rad/s], >=
+                              0; default 0 */
     cgl_real angle_step;   /* mechanical resolution of the angle sensor [rad], >= 0; default 0 */
-    cgl_real speed_window; /* time over which the speed is measured; after a jump the speed is implausible for as long [s], >= 0 */
-    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning
-                              stops at a quarter of it [rad], >= 0; default 0 */
-    cgl_real stuck_time;   /* since that quarter, full current must also have pushed in the reference's direction for this
-                              time [s], 0 to 9e7 ts; default 0 */
-    cgl_real current_max;  /* the current vector is never longer than this, even in a short circuit [A], >= 0; default 0 */
+    cgl_real speed_window; /* time over which the speed is measured [s], >= 0. For this time after a jump of the angle the speed is not
+                              plausible */
+    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning stops at a
+                              quarter of this angle [rad], >= 0; default 0 */
+    cgl_real stuck_time;   /* the angle counts as stuck only if full current has also pushed in the reference's direction for this time.
+                              The time counts from a quarter of stuck_angle on. A period without full current takes one off the count
+                              [s], 0 to 9e7 ts; default 0 */
+    cgl_real current_max;  /* largest length of the current vector, even in a short circuit [A], >= 0; default 0 */
     cgl_real current_sum;  /* largest |i_a + i_b + i_c| if three phases are measured [A], >= 0; default 0 */
     cgl_real bridge;       /* longest gap of the angle that the last speed bridges [s], >= 0; default 0 */
     cgl_real hold;         /* the output stays safe for this time after the last cause [s], >= 0; default 0 */
@@ -74,21 +76,21 @@ typedef struct {
     bool started;               /* the sensor has shown an angle, so theta_m is valid */
     bool has_angle;             /* the last period had an angle, theta_sensor */
     bool stuck_since_moved;     /* the rotor has counted as stuck since its angle last moved; after a gap its angle may be anywhere */
-    bool position_unknown;      /* a long gap hit a sensor with an offset: only cgl_monitor_trust() tells where the rotor is */
-    uint32_t missing_angles;    /* a missing angle adds 1, an angle that agrees with the one before takes 1; 0: there is no gap */
+    bool position_unknown;      /* a sensor with an offset had a long gap: only cgl_monitor_trust() can tell where the rotor is */
+    uint32_t missing_angles;    /* a missing angle adds 1, an angle that agrees with the last one subtracts 1; 0: there is no gap */
     uint32_t gap_periods;       /* periods with a missing angle in this gap */
-    uint32_t speed_wait;        /* periods until the measured speed is plausible again, as a jump leaves its window */
+    uint32_t speed_wait;        /* periods until the speed window no longer contains a jump of the angle */
     uint32_t speed_lost;        /* successive periods in which speed_wait was not 0 */
-    uint32_t standstill;        /* periods since the angle, standing still, was first doubted */
+    uint32_t standstill;        /* periods since the reference had turned by a quarter of stuck_angle while the angle stood still */
     uint32_t full_current;      /* periods of standstill with full current, less those without it */
-    uint32_t stuck_after;       /* value of standstill when the rotor counted as stuck; 0: it does not */
+    uint32_t stuck_after;       /* value of standstill when the rotor began to count as stuck; 0: it is not stuck */
     uint32_t hold_wait;         /* periods for which the output stays safe */
     uint32_t jumps;             /* jumps since init or reset, there and back; the count stays at its largest value */
     unsigned status;            /* CGL_STATUS_ bits of the last step */
     cgl_real theta_m;           /* plausible mechanical angle for use, without the sensor's offset, in [0, 2 pi) [rad] */
     cgl_real omega_m;           /* plausible mechanical speed for use [rad/s] */
     cgl_real sensor_offset;     /* sum of the sensor's jumps, in [-pi, pi] [rad] */
-    cgl_real offset_before_gap; /* sensor_offset when no angle was missing last [rad] */
+    cgl_real offset_before_gap; /* sensor_offset of the last period without a gap [rad] */
     cgl_real theta_sensor;      /* last mechanical angle that the sensor showed, in [0, 2 pi) [rad] */
     cgl_real ref_turned;        /* angle by which the reference has turned since the measured angle last moved [rad] */
     cgl_monitor_limits limits;
@@ -104,21 +106,21 @@ cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *confi
 /* Replaces the bounds at run time. Angle, jumps and all waiting times stay as they are. */
 cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config);
 
-/* Forgets the past: the next angle counts as right, and the output is safe until it comes. */
+/* Forgets the past. The next angle counts as right, and the output is safe until an angle comes. */
 void cgl_monitor_reset(cgl_monitor *monitor);
 
-/* Checks the measurements of this period. omega_ref is the reference of the mechanical speed [rad/s]. `full` says that the drive
- * pushes in the reference's direction at the limit of its current or voltage; it has no effect while standstill is 0. Whatever
- * the input, theta_m, omega_m, safe, trusted and status are valid afterwards. */
+/* Checks the measurements of this period. omega_ref is the reference of the mechanical speed [rad/s]. `full` says that the drive pushes
+ * in the reference's direction, at the limit of its current or voltage. While standstill is 0, `full` has no effect. Whatever the input,
+ * theta_m, omega_m, safe, trusted and status are valid afterwards. */
 void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 
-/* Does all checks, with the same result as cgl_monitor_step(), which leaves most of them out in an ordinary period. */
+/* Does all checks. cgl_monitor_step() gives the same result, but leaves out most checks in an ordinary period. */
 void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 
-/* Declares the angle that the sensor shows now to be right, as after a homing run, and so removes the offset. Returns false, and
- * does nothing, if the last period had no angle: then call it again. */
+/* Declares the sensor's present angle right, for example after a homing run. This removes the offset. If the last period had no angle,
+ * it does nothing and returns false: call it again. */
 bool cgl_monitor_trust(cgl_monitor *monitor);
 
 #ifdef __cplusplus

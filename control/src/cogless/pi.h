@@ -40,11 +40,12 @@ cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 /* Starts anew with an integral of 0. */
 void cgl_pi_reset(cgl_pi *pi);
 
-/* Starts anew with this integral [output], limited to the limit of the output; with 0 if no gain acts that would ever change it. */
+/* Starts anew with this integral [output], limited to the limit of the output. If ki does not act, the integral starts with 0, because
+ * nothing would ever change it. */
 void cgl_pi_start(cgl_pi *pi, cgl_real integral);
 
-/* Moves an output [output], finite, that has acted beside the integral into the integral. With loop.feed_forward it does nothing: the
- * foreign integral makes up for the output by itself. */
+/* Moves an output [output], finite, into the integral; until now it acted beside the integral. With loop.feed_forward it does nothing:
+ * the foreign integral makes up for the output by itself. */
 static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
 {
     if (!pi->loop.feed_forward) {
@@ -52,8 +53,8 @@ static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
     }
 }
 
-/* Does what cgl_pi_step() does, in few instructions, if nothing is at its limit and all is finite. Else it returns false and leaves the
- * state untouched. */
+/* Does what cgl_pi_step() does, in few instructions, if nothing is at its limit and all is finite. Otherwise it returns false and leaves
+ * the state untouched. */
 static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedforward,
                                     cgl_real *output)
 {

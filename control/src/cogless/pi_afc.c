@@ -3,7 +3,7 @@
 #include "angle.h"
 #include "range.h"
 
-#define LEAK CGL_R(12.5) /* 2.5 / (1 - 0.8): 2.5 gain / kp where the guard's step leaves 0.8 of what is learned */
+#define LEAK CGL_R(12.5) /* 2.5 / (1 - 0.8): the leak is 2.5 gain / kp at the guard's step with a forgetting of 0.8 */
 
 static bool is_rising(const cgl_pi_afc_config *config)
 {
@@ -92,7 +92,7 @@ void cgl_pi_afc_reset(cgl_pi_afc *law)
     law->learning = false;
 }
 
-/* How many orders pass in more than two samples, where the rotor turns by `moved` [rad] in one. */
+/* Returns the number of orders with a period of more than two samples. `moved` is the angle by which the rotor turns in a sample [rad]. */
 static uint32_t slow_orders(const cgl_pi_afc_config *config, cgl_real moved)
 {
     uint32_t count = config->orders;
@@ -102,14 +102,15 @@ static uint32_t slow_orders(const cgl_pi_afc_config *config, cgl_real moved)
     return count;
 }
 
-/* Phasor of `gap` orders at an angle [turns of 2^32]; `half`: that of half as many, if `doubled`. */
+/* Returns the phasor of the order `gap` at an angle [turns of 2^32]. If `doubled`, it is the square of `half`, the phasor of gap / 2. */
 static cgl_phasor phasor_of_gap(uint32_t gap, uint32_t turns, bool doubled, cgl_phasor half)
 {
     return doubled ? cgl_product(half, half) : cgl_phasor_of(gap * turns);
 }
 
-/* The orders' sum at an angle [turns of 2^32], after what `correction` [A] adds to each at the angle that it belongs to. From one
- * order to the next both phasors turn by what lies between the two, whose sine is taken only where it is another gap. */
+/* Learns, and returns the sum of the orders at the angle `turns` [turns of 2^32]. `correction` [A] belongs to the angle `turns_before`.
+ * The phasor of an order is the phasor of the order before, times the phasor of the gap between both orders. So sines are computed only
+ * where the gap changes. */
 static cgl_real sum_of_orders(cgl_pi_afc *law, uint32_t turns, uint32_t turns_before,
                               uint32_t count, cgl_real correction, cgl_real kept)
 {
@@ -140,7 +141,7 @@ static cgl_real sum_of_orders(cgl_pi_afc *law, uint32_t turns, uint32_t turns_be
     return cgl_clamp(sum, limit);
 }
 
-/* A step in which something is at its limit, not plausible, or not learning. */
+/* Does a step in which the output is at its limit, an input is not plausible, or nothing is learned. */
 CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, const cgl_law_input *in, cgl_real error, bool plausible,
                                       cgl_law_output *out)
 {
@@ -153,8 +154,9 @@ CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, const cgl_law_input *in, 
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* The factor on the gain, which is at most the PI's own ki, as the guard says; it may clear the coefficients too. They leak to
- * *kept of themselves a sample, more from step to step: at the last but one at most 0.4 of the feedback's own part is learned. */
+/* Returns the guard's factor on the gain, which is bounded by the PI's ki. Clears the coefficients if the guard says so. *kept is a
+ * factor on the coefficients per sample, a leak that grows from step to step of the guard. At the last step but one, at most 0.4 of the
+ * feedback's own part is learned. */
 CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
 {
     for (uint32_t n = 0U; in->forget && !cgl_law_stands_by(in) && n < 2U * law->config.orders; ++n) {

@@ -1,6 +1,6 @@
 #include "pi_ilc.h"
 
-/* The number of channels whose mean belongs to the PI's integral. */
+/* Returns the number of channels whose mean belongs to the PI's integral. */
 static uint32_t centred(const cgl_pi_ilc_config *config)
 {
     return config->pi.ki > CGL_R(0.0) ? 1U : 0U;
@@ -25,7 +25,7 @@ CGL_SELDOM const char *cgl_pi_ilc_bad_field(const cgl_pi_ilc_config *config, con
     return cgl_loop_can_learn(loop, config->gain, config->pi.kp) ? 0 : CGL_FIELD("pi.kp");
 }
 
-/* Applies a step of gentle learning. */
+/* Applies the guard's step of gentle learning, an index of cgl_gentle_steps. */
 CGL_SELDOM static void follow_guard(cgl_pi_ilc *law, uint32_t gentle)
 {
     const cgl_real forgetting = cgl_gentle_forgetting(gentle);
@@ -64,7 +64,7 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
     (void)cgl_pi_retune(&law->pi, &config->pi);
     law->gain = config->gain;
     cgl_memory_centre(&law->memory, centred(config));
-    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
     return CGL_OK;
 }
 
@@ -75,7 +75,7 @@ CGL_SELDOM void cgl_pi_ilc_reset(cgl_pi_ilc *law)
     law->learned = CGL_R(0.0);
 }
 
-/* The rest of a step in which something is at its limit, not plausible, or not learning. The memory has had its step. */
+/* Does the rest of a step, after that of the memory, if the output is at its limit, an input is not plausible, or nothing is learned. */
 CGL_SELDOM static void step_otherwise(cgl_pi_ilc *law, const cgl_law_input *in,
                                       cgl_real error, bool learn, cgl_law_output *out)
 {

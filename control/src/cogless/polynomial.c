@@ -9,7 +9,8 @@ CGL_SELDOM bool cgl_is_stable(const cgl_real *a, uint32_t order)
     for (uint32_t i = 0; i <= order; ++i) {
         p[i] = a[i];
     }
-    /* p'(z) = (p(z) - k z^n p(1/z)) / (1 - k^2) with k = p_n; it is stable if |k| < 1 at every order n, which is false for NaN */
+    /* p'(z) = (p(z) - k z^n p(1/z)) / (1 - k^2) with k = p_n. The filter is stable if |k| < 1 at every order n. The comparison is false
+     * for NaN. */
     for (uint32_t n = order; n > 0U; --n) {
         const cgl_real k = p[n];
         if (!(p[0] > CGL_R(0.0) && cgl_abs(k) < CGL_R(1.0))) {

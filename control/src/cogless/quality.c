@@ -1,19 +1,20 @@
 #include "quality.h"
 
 #include "range.h"
+#include "square_root.h"
 
 #define LONGEST_DEFAULT CGL_R(60.0)    /* default of config.longest [s] */
 #define SAMPLES_MAX CGL_R(1.0e9)       /* samples in a window */
 #define SQUARE_MAX CGL_R(1.0e28)       /* an error with a larger square does not count, so that a float holds a window's sum */
-#define SQUARE_MIN CGL_R(1.0e-30)      /* the root of a smaller square is taken for 0 */
-#define RUN_OUTLIERS 4U                /* outliers of one sign in a row that are neither noise nor a step of an encoder */
-#define WAIT_DIVIDER 16U               /* learning waits for one 16th of a window after such a run */
+#define RUN_OUTLIERS 4U                /* this many outliers of one sign in a row are neither noise nor a step of an encoder */
+#define WAIT_DIVIDER 16U               /* learning waits for 1/16 of a window after such a run */
 #define LASTING_SQUARE CGL_R(4.0)      /* square of 2: errors of up to twice a lasting peak are learned */
-#define MOVED_SQUARE CGL_R(0.00390625) /* square of 1/16: a rotor that turns by less of the span counts as one at rest */
-#define PART_MASK 0xFFFU               /* samples in a part of a window, less one; one bit less than a power of two */
+#define MOVED_SQUARE CGL_R(0.00390625) /* square of 1/16: a rotor that turns by less than this share of `span` in a window counts as at
+                                          rest */
+#define PART_MASK 0xFFFU               /* number of samples in a part of a window, less one; all its bits are 1 */
 #define TREND_SMOOTHING CGL_R(0.25)    /* share of a new change in the trend */
-#define TREND_STEADY CGL_R(0.04)       /* largest change of the ripple's square that counts as none: 2 % of the ripple */
-#define TREND_MOST CGL_R(0.16)         /* bound on the change of one window, so that the trend soon forgets a large one */
+#define TREND_STEADY CGL_R(0.04)       /* largest relative change of `ripple` that counts as none: 2 % of its root */
+#define TREND_MOST CGL_R(0.16)         /* bound on the change of one window, so that the trend soon forgets a large change */
 
 CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
@@ -92,7 +93,7 @@ CGL_SELDOM static cgl_real larger(cgl_real a, cgl_real b)
     return a > b ? a : b;
 }
 
-/* Adds the sum of a part to that of the parts before it, with what rounding took from the last addition, and clears it. */
+/* Adds the sum of a part, and the rounding error of the last addition, to the sum of the parts before. Clears the part's sum. */
 CGL_SELDOM static void gather(cgl_real *part, cgl_real *before, cgl_real *lost)
 {
     *before = cgl_added(*before, *part, CGL_REAL_MAX, lost);
@@ -106,7 +107,7 @@ CGL_SELDOM static void end_part(cgl_quality *quality)
     gather(&quality->squares, &quality->squares_before, &quality->squares_lost);
 }
 
-/* Sets the bounds of the next window from the sums of this one. An outlier counts with the bound itself, so that a shock hardly
+/* Sets the bounds of the next window from the sums of this one. An outlier counts only with the value of the bound, so a shock hardly
  * raises the next bound. */
 CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
 {
@@ -124,7 +125,7 @@ CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
     quality->last_peak_square = peak;
 }
 
-/* Takes the change of the ripple into the trend. */
+/* Adds the change of the ripple to the trend. */
 static void update_trend(cgl_quality *quality, cgl_real ripple)
 {
     const cgl_real largest = larger(ripple, quality->ripple);
@@ -134,8 +135,8 @@ static void update_trend(cgl_quality *quality, cgl_real ripple)
     }
 }
 
-/* Notes the ripple before learning, until learning has begun in a whole window. A rotor at rest and a run-up say nothing of it:
- * in a run-up the mean error is larger than the ripple, and learning could not take it away. */
+/* Stores the ripple before learning, until a window with learning has ended. A window at rest or in a run-up does not count. In a run-up
+ * the mean error is larger than the ripple, and learning could not remove it. */
 static void update_ripple_before(cgl_quality *quality, cgl_real ripple, cgl_real mean_square, cgl_real turned)
 {
     const bool moved = turned * turned >= quality->span_square * MOVED_SQUARE, settled = mean_square <= ripple;
@@ -153,7 +154,7 @@ CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
     if (samples > 0U) {
         const cgl_real sum = quality->sum_before + quality->outlier_sum;
         const cgl_real squares = quality->squares_before + quality->outlier_squares;
-        const cgl_real count = (cgl_real)samples, mean = sum / count; /* `mean` is that of the deviations from the centre */
+        const cgl_real count = (cgl_real)samples, mean = sum / count; /* `mean` is the mean deviation from `centre` */
         const cgl_real ripple = larger(squares / count - mean * mean, CGL_R(0.0));
         update_trend(quality, ripple);
         update_ripple_before(quality, ripple, mean * mean, turned);
@@ -168,7 +169,7 @@ CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
     begin_window(quality);
 }
 
-/* Counts an outlier, and the run of successive outliers of one sign in which it stands. */
+/* Counts an outlier, and the length of its run of successive outliers of one sign. */
 CGL_SELDOM static void count_outlier(cgl_quality *quality, cgl_real error, cgl_real deviation)
 {
     quality->outlier_sum += deviation;
@@ -214,7 +215,7 @@ static bool may_learn(cgl_quality *quality, cgl_real square)
     return square <= quality->refused_square && quality->waiting == 0U;
 }
 
-/* Takes any sample: it may be an outlier, not finite, the first of all, or the last of a part or of a window. */
+/* Takes any sample, also one that is an outlier, not finite, the first of all, or the last of a part or of a window. */
 CGL_SELDOM static bool step_unusual(cgl_quality *quality, cgl_real error, cgl_real omega_m,
                          bool learning)
 {
@@ -254,30 +255,9 @@ bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
     return false;
 }
 
-/* Square root of x, or 0 outside SQUARE_MIN to SQUARE_MAX. Powers of 4 bring x into [1, 4], where Newton's iteration needs five
- * steps. */
-CGL_SELDOM static cgl_real square_root(cgl_real x)
-{
-    cgl_real scale = CGL_R(1.0);
-    if (!(x >= SQUARE_MIN && x <= SQUARE_MAX)) {
-        return CGL_R(0.0);
-    }
-    for (; x > CGL_R(4.0); x *= CGL_R(0.25)) {
-        scale *= CGL_R(2.0);
-    }
-    for (; x < CGL_R(1.0); x *= CGL_R(4.0)) {
-        scale *= CGL_R(0.5);
-    }
-    cgl_real root = CGL_R(0.5) + CGL_R(0.5) * x;
-    for (int n = 0; n < 5; ++n) {
-        root = CGL_R(0.5) * (root + x / root);
-    }
-    return scale * root;
-}
-
 cgl_quality_report cgl_quality_read(const cgl_quality *quality)
 {
-    const cgl_real residual = square_root(quality->ripple), before = square_root(quality->ripple_before);
+    const cgl_real residual = cgl_square_root(quality->ripple), before = cgl_square_root(quality->ripple_before);
     const bool has_before = quality->began && before > CGL_R(0.0);
     const cgl_quality_report report = {residual, has_before ? CGL_R(1.0) - residual / before : CGL_R(0.0),
                                        quality->windows > 0U, quality->began && quality->trend < -TREND_STEADY,

@@ -1,11 +1,13 @@
-/* Measures the quality of learning at run time: the residual ripple over a turn of the rotor, how far it has come down, and whether
- * it still comes down. It also says which errors are outliers, from which nothing should be learned.
+/* Measures the quality of learning at run time: the residual ripple over a turn of the rotor, how far the ripple has come down, and whether
+ * it still comes down. It also finds outliers: errors from which nothing should be learned.
  *
- * A window ends when the rotor has turned by `span`, in either direction, or after `longest`. An outlier is an error far beyond the
- * usual one, and teaches nothing. But a large error that lasts should be learned. A run of four outliers of one sign is no noise.
- * If two successive windows have such runs, the next window learns errors of up to twice the smaller of the two windows' peaks.
- * After a run of outliers that were not learned, learning waits for a sixteenth of a window: their error is a wave, whose passage
- * through zero says nothing. */
+ * A window ends when the rotor has turned by `span`, in either direction, or after `longest`. An outlier is an error far beyond the usual
+ * one. Nothing is learned from an outlier. But a large error that lasts should be learned. A run of four outliers of one sign is no noise:
+ * it may be a lasting error. If two successive windows each have such a run, errors of up to twice the smaller peak of both windows are
+ * learned in the next window.
+ *
+ * After a run that is not learned, learning waits for a sixteenth of a window. The error swings in this time. Nothing should be learned
+ * from it, even where it is small because it passes through zero. */
 #ifndef COGLESS_QUALITY_H
 #define COGLESS_QUALITY_H
 
@@ -20,36 +22,36 @@ extern "C" {
 
 typedef struct {
     cgl_real span;    /* mechanical angle of a window [rad], > 0; 0: default 2 pi */
-    cgl_real longest; /* longest time of a window [s], one period of the calls to 1e9 of them; 0: default 60 */
+    cgl_real longest; /* longest time of a window [s], 1 to 1e9 periods of the calls; 0: default 60 */
     cgl_real outlier; /* an error is an outlier if it is larger than this many times the root mean square of the last window's
                          errors [-], >= 1; 0: nothing is an outlier; default 0 */
     cgl_real floor;   /* an error below this is never an outlier [unit of the error], >= 0; default 0 */
 } cgl_quality_config;
 
-/* The sums of a window come in parts: so the short sum of a part stays exact, and then adds up to that of the parts before it.
- * [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with shorter
+/* A window is summed in parts. A part has few samples, so its sum stays exact. At the end of the part, its sum is added to the sum of
+ * the parts before. [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with shorter
  * instructions. */
 typedef struct {
     bool run_positive;            /* sign of the errors in the present run */
-    bool has_long_run;            /* this window has had a run long enough to be no noise */
+    bool has_long_run;            /* this window has had a run that is too long for noise */
     bool learned;                 /* something was learned in this window */
-    bool began;                   /* learning has begun in a whole window */
+    bool began;                   /* a window in which something was learned has ended */
     uint32_t outliers;            /* outliers in this window */
     uint32_t wait;                /* samples for which learning waits after a run: a sixteenth of the last window */
-    uint32_t waiting;             /* samples of that wait that are still to come */
-    uint32_t run_length;          /* successive outliers of one sign up to the last outlier */
+    uint32_t waiting;             /* samples of the present wait that are still to come */
+    uint32_t run_length;          /* length of the run: successive outliers of one sign, up to the last outlier */
     uint32_t run_remaining;       /* value of `remaining` at the last outlier */
     uint32_t longest;             /* largest number of samples in a window */
     uint32_t remaining;           /* samples until this window ends at the latest */
     uint32_t missing;             /* samples of this window without a usable error */
     uint32_t windows;             /* number of windows that are over; it stays at its largest value */
     cgl_real centre;              /* mean error of the last window, or the first error [unit] */
-    cgl_real sum, squares;        /* sums over this part: deviation of the error from `centre`, its square; without outliers */
-    cgl_real sum_before, squares_before;   /* the same sums over the parts before */
-    cgl_real sum_lost, squares_lost;       /* rounding errors of those two, to be added */
+    cgl_real sum, squares;        /* sums over this part, without outliers: deviation of the error from `centre`, and its square */
+    cgl_real sum_before, squares_before;   /* the same sums over the earlier parts of this window */
+    cgl_real sum_lost, squares_lost;       /* rounding errors of sum_before and squares_before, to be added */
     cgl_real outlier_sum, outlier_squares; /* the same sums over the window's outliers */
     cgl_real peak_square;         /* largest square of an outlier in this window [unit^2] */
-    cgl_real last_peak_square;    /* the same of the last window, or 0 if that had no long run [unit^2] */
+    cgl_real last_peak_square;    /* peak_square of the last window; 0 if it had no long run [unit^2] */
     cgl_real refused_square;      /* an error whose square is larger is not learned; >= outlier_square [unit^2] */
     cgl_real turned;              /* sum of the speeds in this window [rad/s] */
     cgl_real span_square;         /* square of the sum of speeds at which a window ends [rad^2/s^2] */
@@ -66,7 +68,7 @@ typedef struct {
     cgl_real residual; /* standard deviation of the error over the last window [unit of the error]; 0 before the first */
     cgl_real progress; /* 1 - residual / (residual before learning) [-]; 0: no change, 1: no ripple is left, < 0: it is worse. A
                           window of a run-up does not count as one before learning */
-    bool known;        /* a window is over */
+    bool known;        /* at least one window has ended */
     bool improving;    /* learning has begun, and the residual comes down by more than 2 % a window on average */
     bool worsening;    /* learning has begun, and the residual goes up by more than 2 % a window on average */
 } cgl_quality_report;
@@ -76,14 +78,14 @@ const char *cgl_quality_bad_field(const cgl_quality_config *config, cgl_real ts)
 
 cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts);
 
-/* Replaces the config at run time. The present window begins anew. The results of earlier windows stay, and bound outliers until it
- * ends. */
+/* Replaces the config at run time. The present window begins anew. The results of earlier windows stay. Until the new window ends, they
+ * bound the outliers. */
 cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config);
 
 void cgl_quality_reset(cgl_quality *quality);
 
-/* Takes one sample: the error, the mechanical speed [rad/s], and whether the law learns from it. An error that is not finite or
- * beyond 1e14 does not count. Returns whether nothing should be learned from the error. */
+/* Takes one sample: the error, the mechanical speed [rad/s], and whether the law learns from it. An error that is not finite or beyond
+ * 1e14 does not count. Returns true if nothing should be learned from this error. */
 bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
                       bool learning);
 

@@ -26,7 +26,7 @@ CGL_SELDOM cgl_real cgl_or_default(cgl_real x, cgl_real usual)
     return x > CGL_R(0.0) || x < CGL_R(0.0) || !cgl_is_finite(x) ? x : usual;
 }
 
-/* The offset of its second member is the alignment of cgl_real. */
+/* The offset of the second member is the alignment of cgl_real. */
 typedef struct {
     /* cppcheck-suppress unusedStructMember ; only offsetof reads it */
     char first;

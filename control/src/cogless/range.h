@@ -1,5 +1,5 @@
-/* Checks that every init makes: of the caller's memory, and of the ranges of config fields. The ranges are tables, since a row takes 4
- * bytes, or 8 with the field's name, and a comparison in code takes three times that. */
+/* Checks that every init makes: of the caller's memory, and of the ranges of config fields. The ranges are tables. A row takes 4 bytes,
+ * or 8 with the field's name. A comparison in code would take three times as much. */
 #ifndef COGLESS_RANGE_H
 #define COGLESS_RANGE_H
 
@@ -30,7 +30,7 @@ typedef struct {
 #else
 typedef struct {
     const char *name; /* name of the field, as "pi.kp" */
-    uint16_t offset;  /* its place in the config [bytes] */
+    uint16_t offset;  /* place of the field in its config [bytes] */
     uint16_t kind;    /* CGL_FINITE or another of the kinds above */
 } cgl_range;
 #define CGL_RANGE_OF(type, name, field, kind) {(name), (uint16_t)offsetof(type, field), (uint16_t)(kind)}
@@ -39,7 +39,7 @@ typedef struct {
 /* The row of a field of cgl_PART_config. CGL_RANGE_OF is the row of a field of any struct. */
 #define CGL_RANGE(part, field, kind) CGL_RANGE_OF(cgl_##part##_config, #part "." #field, field, kind)
 
-/* The name of a row's field, as CGL_FIELD. */
+/* The name of a row's field. Without texts (COGLESS_NO_TEXTS) it is what CGL_FIELD gives for every field. */
 #ifdef COGLESS_NO_TEXTS
 #define CGL_RANGE_NAME(row) CGL_FIELD("")
 #else
@@ -57,8 +57,8 @@ const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_
 /* x, or the default if x is 0. */
 cgl_real cgl_or_default(cgl_real x, cgl_real usual);
 
-/* Returns CGL_OK if the caller's memory is not NULL, is aligned, and has exactly the `needed` number of entries. So a sizeof in place of
- * a number of entries is refused. */
+/* Returns CGL_OK if the caller's memory is not NULL, is aligned, and has exactly `needed` entries. So a sizeof in place of a number of
+ * entries is refused. */
 cgl_error cgl_check_memory(const cgl_real *cell, uint32_t length, uint32_t needed);
 
 #ifdef __cplusplus

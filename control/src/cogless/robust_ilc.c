@@ -30,13 +30,13 @@ CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *con
     return cgl_loop_can_learn(loop, config->q * config->beta_2, config->c + config->eta) ? 0 : CGL_FIELD("robust_ilc.eta");
 }
 
-/* The number of channels whose mean belongs to r. */
+/* Returns the number of channels whose mean belongs to r. */
 static uint32_t centred(const cgl_robust_ilc_config *config)
 {
     return config->gamma > CGL_R(0.0) ? 1U : 0U;
 }
 
-/* Applies a step of gentle learning. */
+/* Applies the guard's step of gentle learning, an index of cgl_gentle_steps. */
 CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
 {
     const cgl_robust_ilc_config *const config = &law->config;
@@ -44,7 +44,8 @@ CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
     law->gentle = gentle;
     cgl_memory_soften(&law->memory, forgetting);
     law->q = config->q * cgl_gentle_gain(gentle, config->q * config->beta_2, config->c + config->eta);
-    law->beta_1 = gentle > 1U ? CGL_R(0.0) : config->beta_1; /* the switching term has no gain that a smaller step could bound */
+    law->beta_1 = gentle > 1U ? CGL_R(0.0) : config->beta_1; /* beta_1 sgn S has no gain that the guard could bound, so gentle learning
+                                                                leaves it out */
     law->idle = !(law->q * (law->beta_1 + config->beta_2) > CGL_R(0.0)) && forgetting > CGL_R(0.0);
 }
 
@@ -73,7 +74,7 @@ CGL_SELDOM cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust
     }
     law->config = *config;
     cgl_memory_centre(&law->memory, centred(config));
-    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
     law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
     return CGL_OK;
 }
@@ -93,8 +94,8 @@ CGL_SELDOM void cgl_robust_ilc_reset(cgl_robust_ilc *law)
     start_anew(law);
 }
 
-/* Sets the output while the feedback does not act. In torque mode r becomes the present current's share, less the friction term that
- * the law will add [rad/s^2]. */
+/* Sets the output while the feedback does not act. In torque mode r becomes b times the present current, less the friction term that the
+ * law will add [rad/s^2]. */
 CGL_SELDOM static void stand_by(cgl_robust_ilc *law, const cgl_law_input *in, cgl_real learned, cgl_real friction,
                                 cgl_law_output *out)
 {
@@ -123,9 +124,9 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real acceleration =
         finite && law->started ? (in->omega_ref - law->last_omega_ref) / law->loop.ts : CGL_R(0.0);
     law->last_omega_ref = finite ? in->omega_ref : CGL_R(0.0);
-    law->started = finite; /* after a missing sample, the next difference does not span one period */
+    law->started = finite; /* after a missing sample, the next difference of omega_ref would span more than one period */
 
-    /* (11); an integral beyond 1e9 rad could never be commanded */
+    /* (11); no reference can ask for an integral beyond 1e9 rad */
     cgl_real lost = law->integral_lost;
     const cgl_real error_integral = cgl_add(law->error_integral, law->loop.ts * error, CGL_R(1.0e9), &lost);
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;

@@ -6,7 +6,7 @@
  *   i_q_ref = (c e + d omega_ref/dt + B(omega) - f_k - v + r) / b          (19)
  *   dr/dt = gamma S                                                        (20)
  *
- * If gamma > 0, the mean over a period belongs to r: f moves its own mean into it. The state has every term in amperes. */
+ * If gamma > 0, the mean over a period belongs to r: f moves its own mean into r. The terms in the state are in amperes. */
 #ifndef COGLESS_ROBUST_ILC_H
 #define COGLESS_ROBUST_ILC_H
 
@@ -22,13 +22,14 @@ typedef struct {
     cgl_real c;               /* slope of the sliding surface [1/s], >= 0 */
     cgl_real g;               /* switching gain [rad/s^2], >= 0 */
     cgl_real eta;             /* linear reaching gain [1/s], >= 0 */
-    cgl_real q;               /* learning rate [-], >= 0; 0: nothing is learned. With a guard, q beta_2 > 0 needs c + eta > 0 */
+    cgl_real q;               /* learning rate [-], >= 0; 0: nothing is learned. With a guard: if q beta_2 > 0, c + eta must be > 0 too */
     cgl_real beta_1;          /* weight of sgn S in learning [rad/s^2], >= 0 */
     cgl_real beta_2;          /* weight of S in learning [1/s], >= 0 */
     cgl_real gamma;           /* adaptation rate [1/s^2], >= 0 */
-    cgl_real viscous;         /* viscous part of the known friction B(omega) = viscous omega + coulomb sgn omega [1/s], default 0 */
-    cgl_real coulomb;         /* Coulomb part of it [rad/s^2], default 0 */
-    cgl_real limit;           /* the output stays within +-limit [A], > 0, at most loop.current_limit; b limit finite */
+    cgl_real viscous;         /* viscous friction over the inertia [1/s], default 0. The known friction is
+                                 B(omega) = viscous * omega + coulomb * sgn(omega) */
+    cgl_real coulomb;         /* Coulomb friction over the inertia [rad/s^2], default 0 */
+    cgl_real limit;           /* the output stays within +-limit [A], > 0, at most loop.current_limit; b * limit must be finite */
     cgl_memory_config memory; /* memory of f, with one channel; entries and limit in [rad/s^2] */
 } cgl_robust_ilc_config;
 
@@ -45,7 +46,7 @@ typedef struct {
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
     uint32_t gentle;            /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
-    cgl_real q, beta_1;         /* q and beta_1 as that step reduces them */
+    cgl_real q, beta_1;         /* q and beta_1, reduced by the step `gentle` */
     cgl_real error_integral;    /* within +-1e9 [rad] */
     cgl_real adapted;           /* r [rad/s^2] */
     cgl_real integral_lost, adapted_lost; /* rounding errors of error_integral and adapted, to be added */
@@ -63,15 +64,16 @@ const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *config, const 
 cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
                               uint32_t length);
 
-/* Replaces gains and limits at run time, as cgl_memory_retune() does. The integral stays, and r within the new limit. */
+/* Replaces gains and limits at run time, as cgl_memory_retune() does. The integral stays. r stays, within the new limit. */
 cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config);
 
 void cgl_robust_ilc_reset(cgl_robust_ilc *law);
 
-/* While the output is at its limit, f holds; the integral holds unless the error leads back from the limit, and r holds unless S does.
- * While the speed or its reference is not finite, all three hold, and the output is that of a zero error. While the angle is not
- * plausible, f holds. While in->off, the output is 0, f holds, and the integral and r start anew. In torque mode the same happens, but
- * with gamma > 0 r starts from in->i_q_ref. */
+/* While the output is at its limit, f holds. The integral then changes only if the error leads back from the limit, and r only if S
+ * leads back. While the speed or its reference is not finite, f, the integral and r hold, and the output is that of a zero error. While
+ * the angle is not plausible, f holds. While in->off, the output is 0, f holds, and the integral and r start anew. In torque mode f
+ * holds too, and the output is in->i_q_ref plus what is learned. The integral starts anew. r starts from in->i_q_ref if gamma > 0, else
+ * anew. */
 void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
                          cgl_law_output *out);
 

@@ -56,8 +56,8 @@ static inline void cgl_sincos_of_small(cgl_real r, cgl_real *sine, cgl_real *cos
 /* Sine and cosine of theta [rad], |theta| < CGL_ANGLE_MAX. */
 static inline void cgl_sincos_of_angle(cgl_real theta, cgl_real *sine, cgl_real *cosine)
 {
-    /* theta = n pi/2 + r with |r| <= pi/4. n is rounded by adding a number so large that its last binary digit is 1. pi/2 is a sum of
-     * parts with few digits: the products of n with all parts but the last are exact. */
+    /* theta = n pi/2 + r with |r| <= pi/4. To round n, a number is added whose last binary digit is worth 1. pi/2 is a sum of parts with
+     * few digits. So the products of n with all parts but the last are exact. */
 #ifdef COGLESS_DOUBLE
     const cgl_real rounded = theta * 0.63661977236758134308 + 6755399441055744.0;
     const cgl_real n = rounded - 6755399441055744.0;

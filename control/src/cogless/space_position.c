@@ -34,15 +34,15 @@ CGL_SELDOM const char *cgl_space_position_bad_field(const cgl_space_position_con
     return cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
-/* The number of channels whose mean belongs to the integral. If the integral acts beside what is learned, these are alpha and beta: at a
- * constant speed their means have the same effect as the integral. The mean of h stays: it is learned while the speed changes, and
- * accelerates the inertia. */
+/* Returns the number of channels whose mean belongs to the integral. If the integral acts beside what is learned, these are alpha and
+ * beta: at a constant speed their means act like the integral. The mean of h stays in the memory. h is learned while the speed changes,
+ * and gives the current that accelerates the inertia. */
 static uint32_t centred(const cgl_space_position_config *config)
 {
     return config->k_i > CGL_R(0.0) && !config->hand_over ? 2U : 0U;
 }
 
-/* Applies a step of gentle learning. */
+/* Applies the guard's step of gentle learning, an index of cgl_gentle_steps. */
 CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
 {
     law->gentle = gentle;
@@ -69,7 +69,7 @@ CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_
     return CGL_OK;
 }
 
-/* How far the ramp of learning has come, from 0 to 1. */
+/* Returns how far the ramp of learning has come, from 0 to 1. */
 static inline cgl_real share_of_learning(const cgl_space_position *law)
 {
     const cgl_space_position_config *const config = &law->config;
@@ -77,7 +77,7 @@ static inline cgl_real share_of_learning(const cgl_space_position *law)
     return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
-/* The number of learning samples, at least one, after which the ramp has come to this share. */
+/* Returns the number of learning samples, at least one, after which the ramp has come to this share. */
 static uint32_t samples_of_share(const cgl_space_position *law, cgl_real share)
 {
     const cgl_real samples = share * law->config.ramp / law->loop.ts;
@@ -95,7 +95,7 @@ CGL_SELDOM cgl_error cgl_space_position_retune(cgl_space_position *law, const cg
     law->config = *config;
     law->config.ratio = ratio_of(config);
     cgl_memory_centre(&law->memory, centred(config));
-    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
     if (!same_ramp && law->learning_samples > 0U) {
         law->learning_samples = samples_of_share(law, share);
     }
@@ -119,21 +119,21 @@ CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
     start_anew(law);
 }
 
-/* Sets the output in torque mode. The integral is preset so that its part of the output equals this current, for a start without a jump
- * when torque mode ends. It is cleared where it has no part in the output. */
+/* Sets the output in torque mode. Presets the integral, so that the output does not jump when torque mode ends. Clears the integral if
+ * it has no part in the output. */
 CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cgl_real share_i, cgl_law_output *out)
 {
     cgl_space_position_terms *const terms = &law->terms;
     const cgl_real limit = law->config.limit;
     const cgl_real current = cgl_law_stand_by(in, terms->alpha + terms->beta + terms->h, limit, out);
-    const bool is_corrected = share_i * law->config.k_i > CGL_R(0.0); /* else it would keep this current for good */
+    const bool is_corrected = share_i * law->config.k_i > CGL_R(0.0); /* otherwise the integral would keep this current for good */
     law->integral = is_corrected ? cgl_clamped(-current / share_i, limit) : CGL_R(0.0);
     law->integral_lost = terms->proportional = terms->integral = CGL_R(0.0);
     law->saturated = false;
 }
 
-/* The factor by which the guard reduces the correction. The law learns from the position error too, for which the speed loop's gain is
- * no bound, so the first step of gentle learning leaves the correction as it is. */
+/* Returns the factor by which the guard reduces the correction. The law learns from the position error too. The speed loop's gain is no
+ * bound for this part. So the first step of gentle learning leaves the correction as it is. */
 static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {
@@ -211,12 +211,12 @@ void cgl_space_position_step(cgl_space_position *law,
     }
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
-    if (learn) { /* the integral has the sign of the error, and the channels the opposite one */
+    if (learn) { /* the integral has the sign of the error, the channels have the opposite sign */
         const cgl_channel *const channel = law->memory.channel;
         const cgl_real transfer = channel[0].transfer + channel[1].transfer * omega_ref;
         law->integral = cgl_add(law->integral, -acts * transfer, config->limit, &law->integral_lost);
     }
-    if (!(share_i > CGL_R(0.0))) { /* an integral without effect would wind up, and would act when its share returns */
+    if (!(share_i > CGL_R(0.0))) { /* an integral without effect would wind up, and would act as soon as share_i is above 0 again */
         law->integral = law->integral_lost = CGL_R(0.0);
     }
     cgl_real lost = law->integral_lost;

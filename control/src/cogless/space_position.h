@@ -1,6 +1,6 @@
-/* Space-learning position control (Verrelli 2016, law (6)), and the sampled form that Section 5 runs in a drive. All angles
- * and speeds below are the mechanical ones times `ratio`: 1 as in Section 4, or the rotor's teeth or pole pairs as in Section 5, which
- * makes them electrical. T is the period of the memory in that angle, and Q its forgetting or filter.
+/* Space-learning position control (Verrelli 2016, law (6)), and the sampled form that Section 5 runs in a drive. All angles and speeds
+ * below are the mechanical ones times `ratio`. In Section 4 ratio is 1. In Section 5 it is the rotor's teeth or pole pairs, so the angles
+ * and speeds are electrical. T is the period of the memory in this angle. Q is the memory's forgetting or filter.
  *
  *   theta_tg = atan2(sin, cos) of theta - theta_ref
  *   omega_t  = omega - omega_ref + k_theta theta_tg
@@ -10,9 +10,9 @@
  *   beta (theta_ref) = Q sat(beta (theta_ref - T)) - share mu_beta omega_ref / |omega_ref| omega_t
  *   h    (theta_ref) = Q sat(h    (theta_ref - T)) - share mu_h alpha_ref / |omega_ref| omega_t
  *
- * The paper has omega_ref > 0; |omega_ref| makes learning work in both directions. The share rises from 0 to 1 while the law learns, over
- * the time `ramp`, and pauses while learning is frozen. With hand_over, share_i is 1 - share, else it is 1. While share_i is 0, the
- * integral is 0. With k_i > 0 and without hand_over, alpha and beta move their means into the integral. */
+ * The paper has omega_ref > 0; |omega_ref| makes learning work in both directions. The share rises from 0 to 1 over the time `ramp` of
+ * learning. While learning is frozen, the share stays. With hand_over, share_i is 1 - share. Otherwise share_i is 1. While share_i is 0,
+ * the integral is 0. With k_i > 0 and without hand_over, alpha and beta move their means into the integral. */
 #ifndef COGLESS_SPACE_POSITION_H
 #define COGLESS_SPACE_POSITION_H
 
@@ -33,7 +33,7 @@ typedef struct {
     cgl_real k_omega;      /* speed loop [A s/rad], >= 0 */
     cgl_real k_v;          /* gain on theta_tg [A/rad], >= 0; default 0, as in Section 5 */
     cgl_real v_0;          /* constant part of the robustifying term v = v_0 + v_2 omega^2 [A s/rad], >= 0; default 0 */
-    cgl_real v_2;          /* quadratic part of it [A s^3/rad^3], >= 0; default 0 */
+    cgl_real v_2;          /* quadratic part of v [A s^3/rad^3], >= 0; default 0 */
     cgl_real k_i;          /* integral gain [A/rad], >= 0 */
     cgl_real mu_alpha;     /* learning gain [A], >= 0 */
     cgl_real mu_beta;      /* learning gain [A s^2/rad^2], >= 0; channel 2 of the memory */
@@ -74,16 +74,16 @@ const char *cgl_space_position_bad_field(const cgl_space_position_config *config
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
                                   uint32_t length);
 
-/* Replaces gains and limits at run time, as cgl_memory_retune() does. ratio and index must not change. The share stays, and the
- * integral within the new limit. */
+/* Replaces gains and limits at run time, as cgl_memory_retune() does. ratio and index must not change. The share stays. The integral
+ * stays, within the new limit. */
 cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config);
 
 void cgl_space_position_reset(cgl_space_position *law);
 
-/* Learning freezes, and what is learned still acts, under any of these conditions: in->learn is false; |omega_ref| is below omega_min; no
- * gain is left; the last output was at its limit; an input is not plausible; the memory does not learn. The integral holds while the
- * output is at its limit and the error would push it further. If an input is not plausible, the output is that of a zero error. While
- * in->off, learning and its ramp are frozen, and the output and the integral are 0. */
+/* Learning freezes, and what is learned still acts, under any of these conditions: in->learn is false; |omega_ref| is below omega_min;
+ * the guard leaves no gain; the last output was at its limit; an input is not plausible; the memory does not learn. The integral holds
+ * while the output is at its limit and the error would push it further. If an input is not plausible, the output is that of a zero
+ * error. While in->off, learning and its ramp are frozen, and the output and the integral are 0. */
 void cgl_space_position_step(cgl_space_position *law,
                              const cgl_law_input *in, cgl_law_output *out);
 

@@ -19,7 +19,7 @@ CGL_SELDOM const char *cgl_space_speed_bad_field(const cgl_space_speed_config *c
     return field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
-/* Applies a step of gentle learning. */
+/* Applies the guard's step of gentle learning, an index of cgl_gentle_steps. */
 CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
 {
     law->gentle = gentle;
@@ -53,7 +53,7 @@ CGL_SELDOM cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_spac
     }
     law->config = *config;
     law->config.ratio = ratio_of(config);
-    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    law->gentle = UINT32_MAX; /* The next step computes the gains for the guard's step again. */
     return CGL_OK;
 }
 
@@ -71,8 +71,8 @@ CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
     start_anew(law);
 }
 
-/* The factor by which the guard reduces the correction. The correction grows with 1 / |omega| without bound, as in the paper's proof, and
- * the first step of gentle learning leaves it so. */
+/* Returns the factor by which the guard reduces the correction. As in the paper's proof, the correction grows with 1 / |omega| without
+ * bound. The first step of gentle learning leaves it so. */
 static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {

@@ -3,8 +3,8 @@
  *   i_q_ref = sat( -k eta - delta^T f ),   f = [-1, -omega, -alpha_ref],   delta = [alpha, beta, h]
  *   delta_i(theta) = Q sat(delta_i(theta - T)) + mu_i eta f_i q,   q = 1 / |omega| or 0
  *
- * The law of delta_i uses omega_ref in place of omega in f. Where |eta| >= eta_bar or |omega| < omega_min, q is 0, so learning is
- * frozen. The paper has one mu for all channels, only omega > 0, and omega in the law of delta_i. With that, the means of alpha and beta
+ * In the law of delta_i, f has omega_ref in place of omega. If |eta| >= eta_bar or |omega| < omega_min, q is 0, so learning is frozen.
+ * The paper has one mu for all channels, omega > 0 only, and omega in the law of delta_i. With omega there, the means of alpha and beta
  * drift apart at a constant speed. */
 #ifndef COGLESS_SPACE_SPEED_H
 #define COGLESS_SPACE_SPEED_H
@@ -56,10 +56,10 @@ cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_con
 
 void cgl_space_speed_reset(cgl_space_speed *law);
 
-/* It does not read theta_ref. Learning freezes, and what is learned still acts, under any of these conditions: in->learn is false; q is
- * 0; no gain is left; the last output was at its limit; an input is not plausible; the memory does not learn. If an input is not
- * plausible, the output is that of a zero error. While in->off, learning is frozen and the output is 0. In torque mode alpha,
- * beta omega and h alpha_ref add to in->i_q_ref. */
+/* theta_ref is not used. Learning freezes, and what is learned still acts, under any of these conditions: in->learn is false; q is 0;
+ * the guard leaves no gain; the last output was at its limit; an input is not plausible; the memory does not learn. If an input is not
+ * plausible, the output is that of a zero error. While in->off, learning is frozen and the output is 0. In torque mode alpha, beta omega
+ * and h alpha_ref add to in->i_q_ref. */
 void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
                           cgl_law_output *out);
 

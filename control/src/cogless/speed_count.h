@@ -1,5 +1,5 @@
-/* Speed by counting (method M): the counts by which an encoder or a converter has moved in a window, divided by the window's time. It
- * is the mean speed over the window, and its resolution is one count per window. */
+/* Speed by counting (method M): the counts by which an encoder or a converter has moved in a window, divided by the window's time. The
+ * result is the mean speed over the window. Its resolution is one count per window. */
 #ifndef COGLESS_SPEED_COUNT_H
 #define COGLESS_SPEED_COUNT_H
 

@@ -1,10 +1,10 @@
-/* Speed from the times of an encoder's edges, by one of two methods. MT divides the counts since the last step by the exact time
- * that they took, from the last edge before them to the last edge among them. T divides one count by the time between the last two
- * edges. If the next edge takes longer than that, both divide one count by the time since the last edge, which is the largest speed
- * that is still possible. While the last two edges are in opposite directions, both give 0.
+/* Speed from the times of an encoder's edges, by one of two methods. MT divides the counts since the last step by the exact time that they
+ * took, from the last edge before them to the last edge among them. T divides one count by the time between the last two edges. If the next
+ * edge takes longer than this time, both methods divide one count by the time since the last edge. This is the largest speed that is still
+ * possible. While the last two edges are in opposite directions, both methods give 0.
  *
- * The board passes the counter and the value of a timer that it captured at the last edge. Call cgl_edges_pass() whenever the board
- * reads them, at each edge or once a current-loop period. Call the step where the speed is needed:
+ * The board passes the counter and the value of a timer that it captured at the last edge. Call cgl_edges_pass() whenever the board reads
+ * them, at each edge or once a current-loop period. Call the step where the speed is needed:
  *
  *   cgl_edges_pass(&edges, count, captured);
  *   omega_m = cgl_speed_timed_step(&speed, &edges, now); */
@@ -20,7 +20,7 @@
 extern "C" {
 #endif
 
-/* The last edges of an encoder. It starts with all fields zero. */
+/* The last edges of an encoder. Set all fields to zero at the start. */
 typedef struct {
     uint32_t count;    /* counter, which grows forward and wraps at 2^32 */
     uint32_t time;     /* timer at the last edge [ticks], wraps at 2^32 */
@@ -43,7 +43,7 @@ typedef struct {
     uint32_t count;    /* counter at the last step */
     uint32_t edge;     /* time of the last edge before the last step [ticks] */
     uint32_t now;      /* time of the last step [ticks] */
-    uint32_t since;    /* time from that edge to that step, at most 2^32 - 1 [ticks] */
+    uint32_t since;    /* time from the edge at `edge` to the step at `now`, at most 2^32 - 1 [ticks] */
 } cgl_speed_timed;
 
 /* Takes the counter, and the timer at its last edge [ticks]. */
@@ -52,7 +52,8 @@ void cgl_edges_pass(cgl_edges *edges, uint32_t count, uint32_t time);
 /* Copies the config. */
 cgl_error cgl_speed_timed_init(cgl_speed_timed *speed, const cgl_speed_timed_config *config);
 
-/* Starts at this speed [rad/s], usually 0, with the last edges of the sensor and the timer now [ticks]. */
+/* Starts at this speed [rad/s], usually 0. `edges` are the last edges of the sensor, and `now` is the present value of the timer
+ * [ticks]. */
 void cgl_speed_timed_reset(cgl_speed_timed *speed, const cgl_edges *edges, uint32_t now, cgl_real omega_m);
 
 /* Returns the mechanical speed [rad/s]. `now` is the timer at this instant [ticks]. */

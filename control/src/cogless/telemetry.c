@@ -37,7 +37,7 @@ bool cgl_telemetry_read(const cgl_telemetry *telemetry, cgl_snapshot *snapshot)
         const cgl_snapshot copy = {newest->count,   newest->status, newest->theta_m, newest->omega_m,
                                    newest->omega_ref, newest->i_d,    newest->i_q,     newest->i_d_ref,
                                    newest->i_q_ref, newest->u_d,    newest->u_q,     newest->u_dc};
-        /* the next snapshot goes into the other buffer, and the one after that into this one */
+        /* the next snapshot goes into the other buffer, and the one after next into the buffer just copied */
         const uint32_t after = *complete;
         /* cppcheck-suppress knownConditionTrueFalse ; an interrupt writes it meanwhile */
         if ((after == before || after == before + 1U) && copy.count == before) {

@@ -1,7 +1,7 @@
 /* A snapshot of the controller that an interrupt writes and a background task reads without tearing, for a log or a display.
  *
  * There are two buffers and a count. The writer never waits: it fills the older buffer, then raises the count. A reader copies the newer
- * buffer and reads the count again. If the writer may have begun to overwrite the copy meanwhile, the reader tries again. On one core
+ * buffer and reads the count again. If the writer may have begun to overwrite the buffer meanwhile, the reader tries again. On one core
  * this is enough, if the interrupt runs to its end before the reader goes on: all accesses to count and buffers are volatile, so the
  * compiler keeps their order. With several cores, or with a reader that interrupts the writer, use a lock or atomics.
  *

@@ -11,7 +11,7 @@ static inline void cgl_clarke(const cgl_real abc[3], cgl_real *alpha, cgl_real *
     *beta = (abc[1] - abc[2]) * CGL_R(0.57735026918962576451);
 }
 
-/* From the stationary frame to phase quantities without zero sequence. */
+/* From the stationary frame to phase quantities without a zero sequence. */
 static inline void cgl_clarke_inverse(cgl_real alpha, cgl_real beta, cgl_real abc[3])
 {
     const cgl_real half = CGL_R(-0.5) * alpha;

@@ -127,7 +127,7 @@ static bool observes(const cgl_trial_config *config)
     return config->observer.response != CGL_R(0.0);
 }
 
-/* Sets u to 0, and marks the trial so that nothing is learned from it. `ahead` is the input T that would have been fed forward [u]. */
+/* Sets u to 0, and marks the trial so that nothing is learned from it. `ahead` is T, the fed-forward input that does not act now [u]. */
 CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, cgl_real ahead, unsigned status, cgl_law_output *out)
 {
     const cgl_trial_config *const config = &law->config;
@@ -143,7 +143,7 @@ CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, cgl_real ahead, unsig
     law->terms = no_terms;
 }
 
-/* Steps one sample with K_1 x and y = C x; `plausible` says whether x is. */
+/* Steps one sample. `state_feedback` is K_1 x, and `y` is C x. `plausible` says whether x is plausible. */
 static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plausible, bool learn,
                  cgl_law_output *out)
 {
@@ -166,7 +166,7 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     const cgl_real wanted = feedback + integral + f + learned;                    /* Fig. 1 */
     const cgl_real psi = law->psi + (config->through_integrator ? e + law->v : e); /* (4) */
 
-    /* an x that is not finite makes K_1 x so, whatever the gains */
+    /* x needs no check of its own: state_feedback contains K_1 x, which is NaN for an infinite x even where K_1 is 0. */
     const cgl_real besides = observes(config) ? state_feedback + law->observer.missing : CGL_R(0.0);
     if (!(plausible && cgl_is_finite(wanted + psi) && cgl_is_finite(besides))) {
         give_up(law, p, f + learned, (unsigned)CGL_STATUS_FAULT, out);
@@ -258,7 +258,7 @@ CGL_SELDOM static void correct(cgl_trial *law)
     }
 }
 
-/* Learns from the trial, with its filter. */
+/* Corrects v by the error of the trial, with the filter Q. */
 static void learn(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
@@ -311,7 +311,7 @@ bool cgl_trial_end(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
     const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
-    law->spoilt = true; /* so a second end learns nothing */
+    law->spoilt = true; /* a second call of cgl_trial_end() then learns nothing */
     if (!whole) {
         return false;
     }

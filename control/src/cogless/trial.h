@@ -1,5 +1,5 @@
-/* Position control that learns from trial to trial (Mandra 2019, Fig. 1). It has state feedback with integral action, feedforward, and a
- * learned signal v, which is corrected after every trial. At sample p of a trial, p = 0 .. samples - 1:
+/* Position control that learns from trial to trial (Mandra 2019, Fig. 1). The input u is the sum of state feedback with integral action,
+ * feedforward, and a learned signal v. v is corrected after every trial. At sample p of a trial, p = 0 .. samples - 1:
  *
  *   u(p)   = K_1 x(p) + K_2 psi(p - 1) + f(p) + N v(p)                       Fig. 1, (5); f: feedforward.h
  *   psi(p) = psi(p - 1) + y_ref(p) + v(p) - y(p),  y = C x,  psi(-1) = 0     (4)
@@ -8,18 +8,22 @@
  *
  *   v(p) <- v(p) + K_3 e(p + r)                                              (16), (17), (42)
  *
- * As in the paper, e(p) = 0 for p < r, as no input of the trial acts so early, and e(p) = e(samples - 1) after the end.
+ * As in the paper, e(p) counts as 0 for p < r, because no input of the trial acts so early. After the end of the trial e(p) is
+ * e(samples - 1).
  *
- * The filter Q (zero_phase.h) acts on e, v <- v + K_3 Q e, as in the paper, or with `filter_signal` on the sum, v <- Q (v + K_3 e). The
- * first kind learns until Q e is zero. It needs the error to contract at all frequencies that v has. The second kind forgets v above the
- * cut-off frequency. So it stays bounded even where the error does not contract, as in a plant with a sampling zero outside the unit
- * circle, but leaves a residual error there.
+ * The filter Q (zero_phase.h) can act at two places:
  *
- * With a matrix L in place of K_3 it is norm-optimal learning, v <- v + L e, where e is neither shifted nor filtered.
+ *   v <- v + K_3 Q e      on the error, as in the paper
+ *   v <- Q (v + K_3 e)    on the signal, with `filter_signal`
  *
- * With an observer (trial_observer.h) the feedback is that of the observer, in place of K_1, K_2 and psi. The law then learns the input
- * that was missing: it stores r(p - 2) of the observer in place of e(p). With n = 1, k_3 = 1, shift = 2 and Q on the sum,
- * v <- Q (v + r).
+ * The first form learns until Q e is zero. It needs an error that contracts at all frequencies of v. The second form forgets v above the
+ * cut-off frequency. So v stays bounded even if the error does not contract there, as in a plant with a sampling zero outside the unit
+ * circle. But a residual error is left there.
+ *
+ * A matrix L in place of K_3 gives norm-optimal learning, v <- v + L e. In this form e is neither shifted nor filtered.
+ *
+ * With an observer (trial_observer.h), the observer's feedback takes the place of K_1, K_2 and psi. The law then learns the missing input r
+ * of the observer: it stores r(p - 2) in place of e(p). With n = 1, k_3 = 1, shift = 2 and Q on the signal, learning is v <- Q (v + r).
  *
  * A guard (trial_guard.h) judges the error of every complete trial. If learning leaves a larger error than the best v so far, or than
  * v = 0, v goes back to the better of the two.
@@ -32,8 +36,7 @@
  *   cgl_trial_begin(&law, y_ref);                                     before each trial
  *   cgl_trial_step(&law, &in, &out);                                  SAMPLES times, in the interrupt;
  *                                                                              in a drive cgl_trial_drive_step
- *   cgl_trial_end(&law);                                              after each trial, in the background
- */
+ *   cgl_trial_end(&law);                                              after each trial, in the background */
 #ifndef COGLESS_TRIAL_H
 #define COGLESS_TRIAL_H
 
@@ -58,7 +61,7 @@ typedef struct {
     uint32_t states;                /* number of entries of x, 1 to CGL_TRIAL_STATES */
     cgl_real k_1[CGL_TRIAL_STATES]; /* gains of the state feedback; the first `states` entries are used [u/x], finite */
     cgl_real k_2;                   /* integral gain [u/y], finite; 0: no integral action */
-    cgl_real n;                     /* gain from v to the input [u/v], finite; n learned_limit finite */
+    cgl_real n;                     /* gain N from v to the input [u/v], finite; n * learned_limit must be finite */
     cgl_real c[CGL_TRIAL_STATES];   /* C in y = C x [y/x], finite */
     bool through_integrator;        /* true: v also acts through the integral, as in Fig. 1; false: v acts at the input only */
     cgl_real k_3;                   /* learning gain [v/y], finite; 0: no learning */
@@ -97,23 +100,23 @@ typedef struct {
     cgl_trial_config config;
     cgl_real *learned;           /* v: caller's memory, `samples` entries within +-learned_limit; it may be saved
                                     and restored between trials */
-    cgl_real *error;             /* e of this trial, after v in the caller's memory. In the next `shift` samples, 1
-                                    marks that u was saturated `shift` samples before. Then follow the filter's
-                                    working memory and the guard's best v */
+    cgl_real *error;             /* e of this trial, up to the present sample. The next `shift` entries are flags: 1 where u was at its
+                                    limit `shift` samples earlier. The caller's memory has v, e, the filter's working memory and the
+                                    guard's best v, in this order */
     const cgl_real *y_ref;       /* reference of this trial; NULL before the first one */
     cgl_real psi;                /* psi(p - 1) */
     cgl_trial_observer observer;
     cgl_trial_guard guard;
-    cgl_real v;                  /* value in the last step */
+    cgl_real v;                  /* v in the last step */
     cgl_real theta;              /* in a drive: unwrapped mechanical angle [rad] */
     cgl_feedforward feedforward;
     uint32_t sample;             /* p of the next step; it counts slightly beyond the end */
     bool spoilt;                 /* nothing will be learned from this trial */
-    cgl_trial_terms terms;       /* value in the last step */
+    cgl_trial_terms terms;       /* terms of the last step */
 } cgl_trial;
 
-/* Number of entries in the caller's memory for v, e, the filter's working memory and the guard's best v. `order` is that of the filter.
- * An unguarded law needs `samples` fewer. */
+/* Number of entries in the caller's memory for v, e, the filter's working memory and the guard's best v. `order` is the order of Q. An
+ * unguarded law needs `samples` fewer. */
 #define CGL_TRIAL_LENGTH(samples, order) (3U * (samples) + CGL_ZERO_PHASE_TAIL(samples, order))
 
 /* Copies the config, and clears the caller's memory of `length` entries, which stays in use. */
@@ -126,29 +129,29 @@ cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config);
 /* Clears what is learned, and ends the trial: u is 0 until the next begin. */
 void cgl_trial_reset(cgl_trial *law);
 
-/* Begins a trial with psi = 0. What is learned stays. The errors of a trial without an end are lost. y_ref has `samples` entries of the
- * caller, in flash or RAM, which must not change until the next begin or reset. With NULL no trial begins. */
+/* Begins a trial with psi = 0. What is learned stays. Without cgl_trial_end() the errors of the last trial are lost. y_ref has `samples`
+ * entries of the caller, in flash or RAM, which must not change until the next begin or reset. With NULL no trial begins. */
 void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref);
 
-/* Steps one sample. psi holds while u is at its limit and the change of psi would push it further. If u is at its limit at sample p,
- * nothing is learned there: e(p + r) counts as zero.
+/* Steps one sample. psi stays as it is while u is at its limit and the change of psi would push u further. If u is at its limit at
+ * sample p, the error that u(p) makes, e(p + shift), counts as zero, so v(p) does not change.
  *
  * If a state or the reference is not finite, or so large that a sum overflows, u is 0, psi holds, the status has CGL_STATUS_FAULT, and
  * nothing is learned from the trial. An observer then goes on without the measurement.
  *
- * After the last sample the law holds the last reference and the last v, and learns nothing. It does not write to the caller's memory
- * then, so the end of the trial may run meanwhile. Before a begin, u is 0. */
+ * After the last sample the law keeps the last reference and the last v, and learns nothing. From then on it does not write to the
+ * caller's memory. So cgl_trial_end() may run while an interrupt still calls this function. Before a begin, u is 0. */
 void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
-/* Steps one sample of a drive: x is the mechanical angle [rad] and speed [rad/s], `states` is 2, and u is a current [A]. The angle may wrap.
- * A trial starts at the turn nearest to its reference. An angle that is not plausible is a fault. While in->off, the output and psi are
- * 0, and nothing is learned from the trial. */
+/* Steps one sample of a drive. x is the mechanical angle [rad] and speed [rad/s], `states` is 2, and u is a current [A]. The angle may
+ * wrap. A trial starts at the turn nearest to its reference. An angle that is not plausible is a fault. While in->off, the output and
+ * psi are 0, and nothing is learned from the trial. */
 void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in,
                           cgl_law_output *out);
 
-/* Ends the trial, and learns from it or changes v as the guard decides. Returns false, with v unchanged, if the trial was incomplete, had a
- * fault or a sample with learning off, or has ended before. The run time grows with the samples, with a matrix with their square, so
- * call it in the background. */
+/* Ends the trial. Learns from it, or changes v as the guard decides. Returns false, with v unchanged, if the trial was incomplete, had a
+ * fault or a sample with learning off, or has already ended. The run time grows with the samples; with a matrix it grows with their
+ * square. So call it in the background. */
 bool cgl_trial_end(cgl_trial *law);
 
 #ifdef __cplusplus

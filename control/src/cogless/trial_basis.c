@@ -1,6 +1,6 @@
 #include "trial_basis.h"
 
-/* The constant comes first: a function that the fit cannot tell from it gets no coefficient. */
+/* The constant comes first: a function that the fit cannot tell from the constant gets no coefficient. */
 enum { CONSTANT, ACCELERATION, SPEED, DIRECTION, JERK, FUNCTIONS };
 
 /* A function is left out if the functions before it explain all but this share of its sum of squares. */
@@ -105,6 +105,6 @@ bool cgl_trial_carry(cgl_trial *law, const cgl_real *y_ref)
         law->learned[p] = cgl_clamped(law->learned[p] + change, config->learned_limit);
     }
     cgl_trial_guard_reset(&law->guard);
-    law->spoilt = true; /* the error of the last trial belongs to its reference */
+    law->spoilt = true; /* the error of the last trial belongs to the old reference */
     return true;
 }

@@ -23,10 +23,10 @@
 extern "C" {
 #endif
 
-/* Changes what is learned from the reference of the last trial, which must still have its values, to this y_ref of `samples` entries. Call
- * it in the background, between the end of a trial and the next begin, which takes the same y_ref. The guard measures anew. The run time
- * grows with the samples. Returns false, with nothing changed, if there was no trial, if n is 0, if v acts through an integral and k_2 / n
- * is outside 0 to 2, or if a number or a sum is not finite. */
+/* Carries what is learned over from the reference of the last trial to this y_ref of `samples` entries. The old reference must still
+ * have its values. Call it in the background, between the end of a trial and the next begin with the same y_ref. The guard then measures
+ * anew. The run time grows with the samples. Returns false, with nothing changed, if there was no trial, if n is 0, if v acts through an
+ * integral and k_2 / n is outside 0 to 2, or if a number or a sum is not finite. */
 bool cgl_trial_carry(cgl_trial *law, const cgl_real *y_ref);
 
 #ifdef __cplusplus

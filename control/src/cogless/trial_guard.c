@@ -1,10 +1,10 @@
 #include "trial_guard.h"
 
-#define WORSE CGL_R(1.1025)       /* 1.05^2: J is too much above this times F, and with u at its limit above this times the best */
-#define GROWN CGL_R(2.25)         /* 1.5^2: J is too much above this times the best */
-#define CHANGED CGL_R(1.21)       /* 1.1^2: a change of J of the best v by more than this factor is a change of the plant */
-#define FAR CGL_R(4.0)            /* 2^2: factor between sums whose roots differ by 2 */
-#define TRIALS_ABOVE 5U           /* number of successive trials that are too much but falling, before COMPARE */
+#define WORSE CGL_R(1.1025)       /* 1.05^2: J is too much above this times F; with u at its limit also above this times J_best */
+#define GROWN CGL_R(2.25)         /* 1.5^2: J is too much above this times J_best */
+#define CHANGED CGL_R(1.21)       /* 1.1^2: a change of J_best by more than this factor is a change of the plant */
+#define FAR CGL_R(4.0)            /* 2^2: factor between sums whose roots differ by a factor of 2 */
+#define TRIALS_ABOVE 5U           /* number of successive trials with J too much but falling, before COMPARE */
 #define SHARE_FACTOR CGL_R(0.125) /* factor on the share for each strike */
 
 void cgl_trial_guard_reset(cgl_trial_guard *guard)
@@ -24,7 +24,7 @@ static void set_strikes(cgl_trial_guard *guard, uint32_t strikes)
     }
 }
 
-/* Adds a strike, as learning was wrong. The best v runs for a while. */
+/* Adds a strike: learning was wrong. The best v runs for a while. */
 static void strike(cgl_trial_guard *guard)
 {
     set_strikes(guard, guard->strikes + 1U);
@@ -33,14 +33,14 @@ static void strike(cgl_trial_guard *guard)
     guard->phase = CGL_TRIAL_HOLD;
 }
 
-/* Whether J is too much. `growth` is the factor on the best above which it is. */
+/* Whether J is too much. `growth` is the allowed multiple of J_best. */
 static bool is_too_much(const cgl_trial_guard *guard, cgl_real error, cgl_real growth)
 {
     return error > growth * guard->best || (guard->feedback >= CGL_R(0.0) && error > WORSE * guard->feedback);
 }
 
-/* Makes v, with this J, the best after a change of the plant, and decides whether it must be compared with v = 0. `best` is J of the best
- * v before the change. */
+/* Makes v, with J = `error`, the best v after a change of the plant. Decides whether it must be compared with v = 0. `best` is J_best
+ * from before the change. */
 static void accept(cgl_trial_guard *guard, cgl_real error, cgl_real best)
 {
     const cgl_real f = guard->feedback;
@@ -50,7 +50,7 @@ static void accept(cgl_trial_guard *guard, cgl_real error, cgl_real best)
     guard->best = error;
     guard->above = 0U;
     if (is_better) {
-        guard->feedback = more; /* an estimate of the new F */
+        guard->feedback = more; /* The feedback's error on the new plant is taken to be `more` until it is measured. */
         set_strikes(guard, 0U);
     }
     guard->phase = is_better ? CGL_TRIAL_LEARN : CGL_TRIAL_COMPARE;

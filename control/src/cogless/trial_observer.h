@@ -1,20 +1,20 @@
-/* An observer of the error in a trial, its feedback, and the input that was missing.
+/* An observer of the error in a trial. It also gives a feedback, and the input that was missing in the trial.
  *
  * The plant is a double integrator with a disturbance d at its input, y'' = b (u - d). T = f + N v is the input that is fed forward,
- * u_fb = u - T is the feedback, and T* is the input that would keep the error zero. Then e'' = b (T* - T - u_fb). g = b Ts^2 is the
- * change per sample that one unit of the input adds in one sample. The observer estimates e, its change per sample s, and
- * a = g (T* - T):
+ * u_fb = u - T is the feedback, and T* is the input that would keep the error zero. Then e'' = b (T* - T - u_fb). g = b Ts^2 is the change
+ * per sample that one unit of the input adds in one sample. The observer estimates e, its change per sample s, and a = g (T* - T):
  *
  *   e- = e + s + (a - g u_fb) / 2,  s- = s + a - g u_fb                        from one sample to the next
  *   e = e- + l_1 (e_m - e-),  s = s- + l_2 (e_m - e-),  a += l_3 (e_m - e-)    e_m: measured
  *   l_1 = 1 - p^3,  l_2 = 1.5 (1 - p)^2 (1 + p),  l_3 = (1 - p)^3              three poles at p
  *   u_fb = (k_e e + k_s s + a) / g,  k_e = (1 - p)^2,  k_s = (1 - p) (3 + p) / 2      two poles at p
  *
- * The feedback makes e fall by (k_e / k_s) e a sample. Half the limit of u can brake a change of at most sqrt(g limit e) within e. So
- * beyond e = g limit (k_s / k_e)^2 the motion would overshoot, and the more so the longer u was at its limit. Therefore k_e e is
- * limited to +-g limit (3 + p)^2 / 4. That is still more than twice the input that the limit lets pass.
+ * The feedback makes e fall by (k_e / k_s) e a sample. While e falls to 0, half the limit of u can brake a change per sample of at most
+ * sqrt(g limit e). So if e is above g limit (k_s / k_e)^2, the motion would overshoot. The longer u was at its limit, the larger the
+ * overshoot. Therefore k_e e is limited to +-g limit (3 + p)^2 / 4. This limit is still more than twice the input that the limit of u lets
+ * pass.
  *
- * From e'' follows the input that was missing, centred in the sample over which u acts:
+ * The missing input follows from e''. It is centred in the sample over which u acts:
  *
  *   r(p) = T*(p) - T(p) = u_fb(p) + (e(p + 2) - e(p + 1) - e(p) + e(p - 1)) / (2 g)
  *
@@ -46,7 +46,7 @@ typedef struct {
     bool started;            /* the trial has had a sample */
 } cgl_trial_observer;
 
-/* Checks the config with the limit of u. */
+/* Checks the config and `limit`, the largest |u| [u]. */
 cgl_error cgl_trial_observer_init(const cgl_trial_observer_config *config, cgl_real limit);
 
 /* Starts anew for a trial. */

@@ -8,7 +8,7 @@
 
 #define CGL_TURN_BITS CGL_R(4294967296.0) /* 2^32 */
 
-/* An angle in turns as radians in [0, 2 pi), rounded down to the precision of cgl_real. */
+/* Returns an angle in turns as radians in [0, 2 pi), rounded down to the precision of cgl_real. */
 static inline cgl_real cgl_radians(uint32_t turns)
 {
 #ifdef COGLESS_DOUBLE
@@ -18,20 +18,21 @@ static inline cgl_real cgl_radians(uint32_t turns)
 #endif
 }
 
-/* 2^32 part / parts, rounded down, where part < parts and part parts < 2^32. A 64-bit division would take 700 bytes of flash. */
+/* Returns 2^32 * part / parts, rounded down, where part < parts and part * parts < 2^32. A 64-bit division would take 700 bytes of
+ * flash. */
 static inline uint32_t cgl_share_of_turn(uint32_t part, uint32_t parts)
 {
     return part * (UINT32_MAX / parts) + part * (UINT32_MAX % parts + 1U) / parts;
 }
 
-/* The way from `from` to `to`, the shorter way round: in [-2^31, 2^31). Compilers make a single conversion of it. */
+/* Returns the way from `from` to `to`, the shorter way round, in [-2^31, 2^31). Compilers turn it into a single conversion. */
 static inline cgl_real cgl_steps(uint32_t from, uint32_t to)
 {
     const uint32_t ahead = to - from;
     return (cgl_real)(ahead < 0x80000000U ? (int32_t)ahead : -1 - (int32_t)(UINT32_MAX - ahead));
 }
 
-/* The angle, in turns, that is `by` revolutions ahead; |by| is limited to just below 1/2. */
+/* Returns the angle, in turns, that is `by` revolutions ahead. |by| is limited to just below 1/2. */
 static inline uint32_t cgl_turned(uint32_t turns, cgl_real by)
 {
     const cgl_real steps = cgl_clamp(by, CGL_R(0.4999)) * CGL_TURN_BITS;

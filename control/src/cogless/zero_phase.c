@@ -2,7 +2,8 @@
 
 #include "polynomial.h"
 
-/* Fills z with the steady state for a constant input of 1, in the transposed direct form II. z has order + 1 entries; the last is 0. */
+/* Fills z with the steady state for a constant input of 1, in the transposed direct form II. z has order + 1 entries; the last is 0.
+ * Returns false if there is no steady state. */
 static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
 {
     cgl_real sum_b = CGL_R(0.0), sum_a = CGL_R(0.0);
@@ -20,7 +21,7 @@ static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
     return finite;
 }
 
-/* Largest input and output for which all states and sums are finite. A state is a sum of past b x - a y. */
+/* Returns the largest input and output for which all states and sums are finite. A state is a sum of past b x - a y. */
 static cgl_real ceiling(const cgl_zero_phase_config *config)
 {
     cgl_real sum = CGL_R(1.0);
@@ -60,8 +61,8 @@ static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real 
     return out;
 }
 
-/* The i-th sample beyond an end of the signal, i = 1, 2, ... x points at the last sample before that end, and `inward` is the step, 1 or
- * -1, from there into the signal. */
+/* Returns the i-th sample beyond an end of the signal, i = 1, 2, ... x points at the last sample before that end. `inward` is the step
+ * from there into the signal, 1 or -1. odd: the signal is reflected through that sample; otherwise it is mirrored. */
 static cgl_real reflected(const cgl_real *x, int32_t inward, uint32_t i, bool odd)
 {
     return odd ? CGL_R(2.0) * x[0] - x[inward * (int32_t)i] : x[inward * ((int32_t)i - 1)];

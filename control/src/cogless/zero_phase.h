@@ -5,7 +5,7 @@
  *
  *   even   .. x(1) x(0) | x(0) x(1) .. x(N - 1) | x(N - 1) x(N - 2) ..   over the whole signal. The filter is then the
  *          matrix Q = D^T diag(|H|^2) D with the orthogonal cosine transform D. It is symmetric. If |H| is at most 1, it
- *          enlarges the norm of no signal, even if it is applied trial after trial.
+ *          does not enlarge the norm of any signal, even if it is applied trial after trial.
  *   odd    2 x(0) - x(i), about the end's value, over 3 (order + 1) samples: scipy.signal.filtfilt(b, a, x) with its
  *          defaults. It continues a slope, but it can enlarge noise at the ends more than three times. */
 #ifndef COGLESS_ZERO_PHASE_H
@@ -26,7 +26,8 @@ extern "C" {
 typedef struct {
     uint32_t order;                       /* 0 to CGL_ZERO_PHASE_ORDER; 0: no filter; default 0 */
     cgl_real b[CGL_ZERO_PHASE_ORDER + 1]; /* numerator, finite; the first order + 1 entries are used */
-    cgl_real a[CGL_ZERO_PHASE_ORDER + 1]; /* denominator, with a[0] = 1 and all roots inside the unit circle; the first order + 1 entries are used */
+    cgl_real a[CGL_ZERO_PHASE_ORDER + 1]; /* denominator with a[0] = 1 and all roots inside the unit circle; the first order + 1 entries
+                                             are used */
     bool odd;                             /* reflection at the ends: true odd, false even; default false */
 } cgl_zero_phase_config;
 
