@@ -61,9 +61,9 @@ def test_logs_of_the_oracle_give_a_table_for_the_oracle(
         capsys, "identify", *logs, "--drive", drive, "--drive-config", configuration, "-o", found
     )
     assert (code, err) == (0, "")
-    # SimpleFOC's rows are every second step of its loop, and its slow run is the same at each third wave of
-    # order 12, count for count: a pattern of rounding is in every block. Coulomb friction is 0.5 % low, 1.5 of
-    # its intervals; at eight other angles of the cogging it is 0.2 % low on average.
+    # SimpleFOC's rows are every second step of its loop, and its slow run repeats at each third wave of order
+    # 12, count for count, so a pattern of rounding is in every block of rows. Coulomb friction is 0.5 % low,
+    # 1.5 of its intervals. At eight other angles of the cogging it is 0.2 % low on average.
     check_values(found, errors=1.6 if drive == "simplefoc" else JOINT_ERROR)
     assert cogging_orders(found) == {n for n, _, _ in PLANT.cogging}
     table = tmp_path / firmware.table
