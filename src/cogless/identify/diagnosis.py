@@ -15,8 +15,18 @@ from cogless.errors import StudyError
 from cogless.identify import config, speed_alone
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
 from cogless.identify.balance import corrected
-from cogless.identify.causes import BEYOND, ENCODER, FASTER, OR, Cause, Found, attributed
-from cogless.identify.estimate import Progress, estimate
+from cogless.identify.causes import (
+    BEYOND,
+    COGGING,
+    ENCODER,
+    FASTER,
+    OR,
+    RIPPLE,
+    Cause,
+    Found,
+    attributed,
+)
+from cogless.identify.estimate import Progress, estimate, not_told_apart
 from cogless.identify.findings import prepared
 from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
@@ -124,7 +134,7 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
         )
     ripples = _rms_by_log(every, lambda part: part.ripple)
     merged = tuple(_merged([*found, *alone], ripples, Counter(part.log.name for part in every)))
-    said += _of_one_speed(merged, every) + _opposed(merged) + _out_of_sight(every)
+    said += _of_one_speed(merged, every) + _of_loads(merged) + _opposed(merged) + _out_of_sight(every)
     measured = [part for part in every if part.log.name in angles and "omega" in part.log]
     logged = _rms_by_log(measured, lambda part: part.logged_ripple)
     return Diagnosis(known.title, merged, ripples, tuple(dict.fromkeys(said)), logged, uses)
@@ -222,6 +232,13 @@ def _of_one_speed(orders: Sequence[Found], parts: Sequence[Steady]) -> list[str]
             logs_of_kind("constant-speed", "acceleration"),
         )
     ]
+
+
+def _of_loads(orders: Sequence[Found]) -> list[Advice]:
+    """Which logs tell cogging from ripple of K_t, for each large order that may be either."""
+    names = {each.order: each.causes[0].name.split(OR) for each in orders if each.share > LARGE_SHARE}
+    either = [order for order, causes in sorted(names.items()) if {COGGING, RIPPLE} <= set(causes)]
+    return [not_told_apart("ripple", order) for order in either]
 
 
 def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
