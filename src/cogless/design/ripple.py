@@ -158,10 +158,10 @@ def _axes(study: Study) -> tuple[Real, Real]:
     """The phases' axes in alpha and beta, 2 x phases, and alpha and beta of what the current sensors see."""
     phases = study.motor.star().phases
     angles = TURN * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
-    axes, seen = np.array([np.cos(angles), np.sin(angles)]), np.eye(phases)
+    axes, measured = np.array([np.cos(angles), np.sin(angles)]), np.eye(phases)
     if phases == 3 and study.drive.current_sensors.sensors == 2:
-        seen[2] = [-1.0, -1.0, 0.0]  # the third is what the other two leave
-    return axes, 2 / phases * axes @ seen
+        measured[2] = [-1.0, -1.0, 0.0]  # the third is what the other two leave
+    return axes, 2 / phases * axes @ measured
 
 
 def current_noise(study: Study, plant: SpeedLoop, feedback: Linear) -> float:
