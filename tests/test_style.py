@@ -5,20 +5,20 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 24,
-    "number_of_one_word": 72,
-    "vague_local": 170,
-    "vague_argument": 93,
-    "vague_function": 49,
-    "many_positional_arguments": 9,
-    "fragment_of_a_comment": 2,
+    "constant_with_several_values": 0,
+    "number_of_one_word": 1,
+    "vague_local": 17,
+    "vague_argument": 7,
+    "vague_function": 43,
+    "many_positional_arguments": 1,
+    "fragment_of_a_comment": 0,
     "alias_defined_again": 3,
     "type_test_of_a_study": 5,
     "comparison_of_a_kind_of_study": 3,
     "type_test_of_a_law": 32,
     "message_taken_apart": 10,
     "number_copied_from_c": 0,
-    "unit_factor_written_out": 14,
+    "unit_factor_written_out": 0,
     "file_name_used_again": 3,
     "small_file": 1,
 }

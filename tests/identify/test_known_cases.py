@@ -73,9 +73,9 @@ def test_the_only_cause_has_nine_tenths_of_the_ripple_or_more(
     assert told[cause] > 0.9
     assert sum(told.values()) == pytest.approx(1, abs=0.02)
     assert sum(share for name, share in told.items() if name != cause and " or " not in name) < 0.05
-    large = {each.order for each in made.found if each.share > 0.2}
+    large = {each.order for each in made.orders if each.share > 0.2}
     assert large == orders
-    assert {each.confidence for each in made.found if each.share > 0.2} == {"sure"}
+    assert {each.confidence for each in made.orders if each.share > 0.2} == {"sure"}
 
 
 @pytest.mark.parametrize("case", ["cogging", "neighbours", "encoder", "encoder 2p", "offset", "gain"])
@@ -110,8 +110,8 @@ def test_neighbouring_orders_have_a_half_of_the_ripple() -> None:
 
 def test_an_error_of_order_2p_is_no_torque_and_no_slipped_index() -> None:
     made = whole("encoder 2p")
-    assert not any("index" in line or "cannot be told apart" in line for line in made.said)
-    for each in made.found:
+    assert not any("index" in line or "cannot be told apart" in line for line in made.remarks)
+    for each in made.orders:
         if each.share < 0.01:
             continue
         (cause, *_) = each.causes
@@ -121,14 +121,14 @@ def test_an_error_of_order_2p_is_no_torque_and_no_slipped_index() -> None:
 def test_one_speed_does_not_tell_an_error_of_order_2p_and_says_so() -> None:
     """The advised logs, a second speed and an acceleration, decide."""
     made = diagnosed(of_case("encoder 2p", "fast"))
-    (each,) = [each for each in made.found if each.share > 0.1]
+    (each,) = [each for each in made.orders if each.share > 0.1]
     assert each.causes[0].name == "cogging or current gain or encoder"
     assert each.confidence == "cannot be told apart"
-    (said,) = [line for line in advice_of(made.said) if line.startswith("Order 10: one speed cannot tell")]
+    (said,) = [line for line in advice_of(made.remarks) if line.startswith("Order 10: one speed cannot tell")]
     assert said.cures == ({"record.kind": ("constant-speed", "acceleration")},)
     again = diagnosed(of_case("encoder 2p", "fast", "drives", "sweep", "slow"))
-    assert not any("one speed cannot tell" in line for line in again.said)
-    assert {each.causes[0].name for each in again.found if each.share > 0.1} == {"encoder"}
+    assert not any("one speed cannot tell" in line for line in again.remarks)
+    assert {each.causes[0].name for each in again.orders if each.share > 0.1} == {"encoder"}
 
 
 @pytest.mark.parametrize(("log", "cause"), [
@@ -143,21 +143,21 @@ def test_an_order_beyond_the_rows_is_not_called_absent(log: str, cause: str) -> 
     assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}, which ")
     assert made.causes(f"{log}.npz")[cause] > 0.9
     speed = bench.RUNS[log].points[0][1] / bench.TURN
-    (said,) = [line for line in advice_of(made.said) if "cannot be seen" in line]
+    (said,) = [line for line in advice_of(made.remarks) if "cannot be seen" in line]
     assert f"its rows show orders up to {math.floor(100 / speed / 2)} at {speed:.3g} rev/s" in said
     assert "90 of this motor cannot be seen" in said and "absent" not in said
     rate = said.cures[0]["record.rate"]
     assert 1000 // math.ceil(rate) >= 2
     more = {log: {key: x[:: 1000 // math.ceil(rate)] for key, x in bench.logs()["beyond"][log].items()}}
     again = diagnosed(more)
-    assert not any("cannot be seen: its wave" in line for line in again.said)
-    (each,) = [each for each in again.found if each.share > 0.5]
+    assert not any("cannot be seen: its wave" in line for line in again.remarks)
+    (each,) = [each for each in again.orders if each.share > 0.5]
     assert each.order == 90
     slower = bench.steady(said.cures[1]["record.speed"] / bench.TURN, 6.0)
     (turned,) = bench.simulated([(bench.CASES["beyond"], slower)])
     slow = diagnosed({log: {key: x[::every] for key, x in turned.items()}})
-    assert not any("cannot be seen: its wave" in line for line in slow.said)
-    assert max(slow.found, key=lambda found: found.share).order == 90
+    assert not any("cannot be seen: its wave" in line for line in slow.remarks)
+    assert max(slow.orders, key=lambda found: found.share).order == 90
     assert again.whole[f"{log}.npz"] == pytest.approx(
         np.std(bench.logs()["beyond"][log]["true_omega"][500:]), rel=0.1
     )

@@ -194,10 +194,15 @@ def test_a_study_that_run_takes_has_a_page_for_ones_own_motor(tmp_path, name):
     for _ in range(25):
         values = {
             key: float(f"{start[key] * 2 ** rng.uniform(-1, 1):.3g}")
-            for key in ("motor.kv", "mechanics.inertia", own_motor.RESISTANCE, "drive.inverter.bus_voltage")
+            for key in (
+                "motor.kv",
+                "mechanics.inertia",
+                own_motor.RESISTANCE_KEY,
+                "drive.inverter.bus_voltage",
+            )
         }
-        share = values[own_motor.RESISTANCE] / start[own_motor.RESISTANCE] / rng.uniform(slow, fast)
-        values[own_motor.INDUCTANCE] = float(f"{start[own_motor.INDUCTANCE] * share:.3g}")
+        share = values[own_motor.RESISTANCE_KEY] / start[own_motor.RESISTANCE_KEY] / rng.uniform(slow, fast)
+        values[own_motor.INDUCTANCE_KEY] = float(f"{start[own_motor.INDUCTANCE_KEY] * share:.3g}")
         values[own_motor.POLE_PAIRS] = float(rng.choice(sorted(found.own_motor.turned)))
         ends = speed.candidate.low, speed.candidate.high
         to = rng.choice(speed.stops) if speed.stops else float(f"{rng.uniform(*ends):.3g}")

@@ -173,7 +173,7 @@ class _Packer:
         self.data += struct.pack(f"<{format}", value)
 
 
-KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]], ...] = (
+PACKERS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]], ...] = (
     (type(None), _Packer.none),
     (bool, _Packer.boolean),
     ((int, np.integer), _Packer.integer),
@@ -189,7 +189,7 @@ KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]]
 @cache
 def _put(kind: Any) -> Callable[[_Packer, Any, str], None] | None:
     """The packer's method for values of a class; None: no description has such a value."""
-    return next((put for base, put in KINDS if issubclass(kind, base)), None)
+    return next((put for base, put in PACKERS if issubclass(kind, base)), None)
 
 
 def held(study: AnyStudy) -> list[Pair]:

@@ -385,8 +385,8 @@ def _motor(study: AnyStudy, adjustable_keys: Found) -> dict[str, Any] | None:
     assert study.motor is not None
     plant = study.motor.star()
     return {
-        "over": own_motor.RESISTANCE,
-        "under": own_motor.INDUCTANCE,
+        "over": own_motor.RESISTANCE_KEY,
+        "under": own_motor.INDUCTANCE_KEY,
         "pole_pairs": own_motor.POLE_PAIRS,
         "nodes": own_motor.nodes(own.ends),
         "ends": own.ends,

@@ -20,10 +20,17 @@ from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
 from cogless.live.description import Number, Packed
 
-RESISTANCE, INDUCTANCE = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
+RESISTANCE_KEY, INDUCTANCE_KEY = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
 POLE_PAIRS = "motor.pole_pairs"
 TOGETHER = frozenset(
-    (POLE_PAIRS, RESISTANCE, INDUCTANCE, "motor.kv", "mechanics.inertia", "drive.inverter.bus_voltage")
+    (
+        POLE_PAIRS,
+        RESISTANCE_KEY,
+        INDUCTANCE_KEY,
+        "motor.kv",
+        "mechanics.inertia",
+        "drive.inverter.bus_voltage",
+    )
 )
 CURVE_NODES = 24  # nodes of the curve, at Chebyshev's places over log(R_s / L)
 SLOWEST_RATIO, FASTEST_RATIO = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
@@ -33,15 +40,8 @@ CLOSE = {"f": 3e-7, "d": 1e-12}  # relative; other numbers are whole
 POWER_TOLERANCE = 1e-5  # distance of a power from a whole number that counts as none
 CHECKED_MOTORS = 12
 # the logarithm of a refused share is halved so often, until _check gives up: 100 has become 1.02
-END_HALVINGS = 8
-STEPS = (
-    2.0,
-    0.5,
-    1.25,
-    0.8,
-    1.02,
-    0.98,
-)  # factors on a key's value; the first accepted is used
+SHARE_HALVINGS = 8
+STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # factors on a key's value; the first accepted is used
 
 Place = tuple[str, str, str]
 All = Mapping[Place, Packed]
@@ -94,8 +94,8 @@ class OwnMotor:
         drawn = pairs.least + 7 * n % round(pairs.most - pairs.least + 1)
         values[POLE_PAIRS] = float(round(pairs.start + reach * (drawn - pairs.start)))
         ratio = (slow * (fast / slow) ** ((n + 0.5) / CHECKED_MOTORS)) ** reach
-        over, under = self.keys[RESISTANCE], self.keys[INDUCTANCE]
-        values[INDUCTANCE] = float(f"{under.start * values[RESISTANCE] / over.start / ratio:.6g}")
+        over, under = self.keys[RESISTANCE_KEY], self.keys[INDUCTANCE_KEY]
+        values[INDUCTANCE_KEY] = float(f"{under.start * values[RESISTANCE_KEY] / over.start / ratio:.6g}")
         return values
 
 
@@ -107,12 +107,12 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
     product.
     """
     by_key = {key.key: key for key in keys}
-    over, under = by_key[RESISTANCE], by_key[INDUCTANCE]
+    over, under = by_key[RESISTANCE_KEY], by_key[INDUCTANCE_KEY]
     by_key[POLE_PAIRS], turned = _turned(base, changed, by_key[POLE_PAIRS])
     ends, bent = _bent(changed, under)
     scaled = {key: _scaled(base, changed, by_key[key]) for key in by_key if key != POLE_PAIRS}
     for key, (share, _) in scaled.items():
-        if share != STEPS[0] and key not in (RESISTANCE, INDUCTANCE):
+        if share != STEPS[0] and key not in (RESISTANCE_KEY, INDUCTANCE_KEY):
             by_key[key] = narrow(by_key[key])
     scaled_pair = _scaled(base, changed, over, under)
 
@@ -128,9 +128,9 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
         if number.format not in CLOSE and not any(powers.values()):
             return Product(number, 1.0, {}, factors)
         curve: tuple[float, ...] = ()
-        if not all(_is_whole(powers[key]) for key in (RESISTANCE, INDUCTANCE)):
-            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*scaled_pair)}
-            exponent = round(powers[INDUCTANCE])
+        if not all(_is_whole(powers[key]) for key in (RESISTANCE_KEY, INDUCTANCE_KEY)):
+            powers |= {RESISTANCE_KEY: 0.0, INDUCTANCE_KEY: power(*scaled_pair)}
+            exponent = round(powers[INDUCTANCE_KEY])
             curve = tuple(
                 number.read(blobs_now[place].data) / start / share**exponent for share, blobs_now in bent
             )
@@ -215,7 +215,9 @@ def computed(one: Product, own: OwnMotor, values: Mapping[str, float]) -> float:
     if one.factors:
         result *= one.factors[round(values.get(POLE_PAIRS, pairs.start) - pairs.least)]
     if one.curve:
-        result *= _between(nodes(own.ends), one.curve, math.log(shares[RESISTANCE] / shares[INDUCTANCE]))
+        result *= _between(
+            nodes(own.ends), one.curve, math.log(shares[RESISTANCE_KEY] / shares[INDUCTANCE_KEY])
+        )
     return result
 
 
@@ -247,7 +249,7 @@ def _is_whole(x: float) -> bool:
 def _check(base: All, changed: Changed, own: OwnMotor) -> None:
     """StudyError: a number is not what its product says, or one moves that has none."""
     for n in range(CHECKED_MOTORS):
-        for halvings in range(END_HALVINGS):
+        for halvings in range(SHARE_HALVINGS):
             values = own.together(n, 0.5**halvings)
             changed_blobs = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
             if changed_blobs is not None:

@@ -35,7 +35,7 @@ OTHER_SENSORS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("incremental, 1024 lines", {"kind": "encoder", "lines": 1024, "speed_method": "MT"}),
 )
 OBSERVER_SHARE = 40  # the observer's bandwidth: the speed loop's rate over this
-TRIED_VALUES = 2  # of each key with another sensor; the first is not tried
+SENSOR_VALUES = 2  # of each key with another sensor; the first is not tried
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def sensor_choices(study: Study, page_keys: Found, spares: Sequence[Key]) -> lis
 
 
 def _few(candidate: Candidate) -> list[float]:
-    return samples(candidate)[:TRIED_VALUES]
+    return samples(candidate)[:SENSOR_VALUES]
 
 
 def _tables(study: Study) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -44,7 +44,7 @@ def render(identified: Identified) -> str:
         ("What each log contributed", _logs(estimate)),
         ("Sessions", _sessions(estimate)),
     ]
-    return page_of("identify", estimate.known.title, sections)
+    return page_of("identify", estimate.identification.title, sections)
 
 
 def page_of(command: str, title: str, sections: Sequence[tuple[str, str]]) -> str:
@@ -100,7 +100,7 @@ def write_plot(estimate: Estimate, path: Path) -> None:
     ]
     if rows:
         with matplotlib.rc_context(STYLE):
-            save(path, f"{estimate.known.title}: orders, with errors at 95 %", rows, 1.7, "")
+            save(path, f"{estimate.identification.title}: orders, with errors at 95 %", rows, 1.7, "")
 
 
 def _kinds(estimate: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
