@@ -49,7 +49,7 @@ def said(logs: Logs, tables: Mapping[str, Any] | None = None) -> tuple[list[str]
     try:
         made = identified(logs, tables)
     except AdvisedError as error:
-        return list(error.lines), None
+        return list(error.mistakes), None
     return [*made.left_out, *made.remarks], made
 
 
@@ -428,7 +428,7 @@ def test_a_unit_that_does_not_fit_is_the_one_that_is_advised(
     paths = write(folder, plan.text(bench.columns()), logs)
     with pytest.raises(AdvisedError) as error:
         load_logs(paths, config.load(folder / "id.toml"))
-    (line,) = error.value.lines
+    (line,) = error.value.mistakes
     assert isinstance(line, Advice)
     cure = next(cure for cure in line.cures if key in cure)
     assert cure[key] == pytest.approx(value) if isinstance(value, float) else cure[key] == value
@@ -513,7 +513,7 @@ def test_rms_amperes_are_told_by_the_phases_and_scaled() -> None:
     paths = write(folder, plan.text(bench.columns()), logs)
     with pytest.raises(AdvisedError) as error:
         load_logs(paths, config.load(folder / "id.toml"))
-    (line,) = error.value.lines
+    (line,) = error.value.mistakes
     assert isinstance(line, Advice)
     _, made = said(logs, changed(bench.columns(), line.cures[0]))
     assert inertia_off(made) < 0.02
@@ -583,7 +583,7 @@ def test_a_log_at_a_steady_speed_is_what_a_diagnosis_needs() -> None:
     logs = {"sweep": {key: x[:700] for key, x in bench.logs()["cogging"]["sweep"].items()}}
     with pytest.raises(AdvisedError) as error:
         diagnosed(logs)
-    line = error.value.lines[-1]
+    line = error.value.mistakes[-1]
     assert isinstance(line, Advice)
     made = diagnosed({**logs, **recorded(line.cures[0], "cogging")})
     assert set(made.whole) == {"both.npz"} and set(made.uses) == {"sweep.npz"}

@@ -98,7 +98,7 @@ def test_the_ripple_is_the_rotor_s_own(case: str, log: str) -> None:
 def test_neighbouring_orders_have_a_half_of_the_ripple() -> None:
     """Both torques are equal. The expected waves are least squares on the plant's true speed."""
     made, signals = whole("neighbours"), bench.logs()["neighbours"]["drives"]
-    found = {each.order: each for each in made.of("drives.npz")}
+    found = {each.order: each for each in made.orders_of("drives.npz")}
     theta, omega = signals["theta"][1000:], signals["true_omega"][1000:]
     waves = np.exp(1j * np.outer(theta, (9, 10)))
     columns = np.hstack([waves.real, waves.imag, np.ones((len(theta), 1))])
@@ -183,7 +183,7 @@ def test_an_eccentric_log_is_steady_and_every_log_has_its_line() -> None:
     eccentric = {"t": t, "theta": np.floor(theta / step) * step, "omega": np.gradient(theta, t)}
     logs = {**of_case("cogging"), "eccentric": eccentric, "off": bench.phase_offsets("cogging")}
     made = diagnosed(logs)
-    assert {each.order for each in made.of("eccentric.npz") if each.share > 0.1} == {1}
+    assert {each.order for each in made.orders_of("eccentric.npz") if each.share > 0.1} == {1}
     assert set(made.whole) | set(made.uses) == {f"{name}.npz" for name in logs}
     assert set(made.uses) == {"sweep.npz", "off.npz"}
     printed = diagnosis.lines(made)
@@ -233,7 +233,7 @@ def test_a_real_motor_of_18_slots_and_24_poles_has_multiples_of_6_alone() -> Non
     logs = [folder / "acceleration.npz", folder / "speed.csv.gz"]
     made = diagnosis.diagnosed(logs, folder / "id.toml", lambda what, share: None)
     for part in ("speed.csv.gz#0", "speed.csv.gz#1"):
-        orders = [each.order for each in made.of(part) if each.share > 0.01]
+        orders = [each.order for each in made.orders_of(part) if each.share > 0.01]
         assert orders[0] == 72
         assert {order % 6 for order in orders} == {0}, (part, orders)
-    assert {each.order for each in made.of("speed.csv.gz#0") if each.share > 0.01} >= {72, 144, 36}
+    assert {each.order for each in made.orders_of("speed.csv.gz#0") if each.share > 0.01} >= {72, 144, 36}

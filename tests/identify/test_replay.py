@@ -19,8 +19,8 @@ from cogless.identify.lateness import Lateness
 from cogless.identify.log import Log
 from cogless.identify.replay import (
     _bandwidth,
-    _kept,
     _likely,
+    _log_signals,
     _more,
     _rate,
     _said_of_dead_time,
@@ -139,7 +139,7 @@ def trace_with(error: float) -> Trace:
 
 
 def test_a_trace_keeps_the_signals_that_a_log_has():
-    kept = _kept(trace_with(0.0))
+    kept = _log_signals(trace_with(0.0))
     assert kept.names == ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")
     assert kept.units == ("s", "rad", "rad", "rad/s", "A", "A")
     for name in kept.names:

@@ -81,8 +81,8 @@ def wave(order: int, size: float, error: float = 0.0, phase: float = 0.0) -> Wav
     ],
 )
 def test_a_value_has_the_digits_that_its_error_leaves(value: float, error: float, text: str) -> None:
-    assert write.shown(Value(value, error), "A") == text
-    assert write.shown(Value(value, error)) == text.removesuffix(" A")
+    assert write.value_text(Value(value, error), "A") == text
+    assert write.value_text(Value(value, error)) == text.removesuffix(" A")
 
 
 def test_a_wave_of_its_parts() -> None:

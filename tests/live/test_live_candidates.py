@@ -21,8 +21,8 @@ from cogless.live.candidates import (
     YOURS,
     Candidate,
     candidates,
+    key_candidate,
     looked_up,
-    made,
     of_motor,
     shortest,
 )
@@ -98,7 +98,7 @@ class Owner:
 
 def slider(value, span, field="plain", label="key"):
     """Low and high end, least and most of the field; None if it has no slider."""
-    found = list(made("key", label, "Group", Owner(), field, value, span))
+    found = list(key_candidate("key", label, "Group", Owner(), field, value, span))
     return (found[0].low, found[0].high, found[0].least, found[0].most) if found else None
 
 
@@ -136,15 +136,15 @@ def test_a_slider_reaches_about_the_studys_value(value, span, field, expected):
 
 def test_some_keys_have_sliders_of_their_own():
     assert slider(0.9, (0.0, 3), label="forgetting") == (0.5, 1, 0.5, 1)
-    (found,) = made("key", "position_sensor.lines", "Group", Owner(), "plain", 777, (0.0, 0.0))
+    (found,) = key_candidate("key", "position_sensor.lines", "Group", Owner(), "plain", 777, (0.0, 0.0))
     assert (found.low, found.high, found.stops) == (64, 10_000, tuple(sorted((*LINES, 777))))
-    (found,) = made("key", "label", "Group", Owner(), "torque", "4 mN*m", (0.5, 2), "low", "pi")
+    (found,) = key_candidate("key", "label", "Group", Owner(), "torque", "4 mN*m", (0.5, 2), "low", "pi")
     assert (found.scenario, found.controller, found.whole, found.stops) == ("low", "pi", False, ())
     assert (found.unit, found.factor, found.start, found.si(2.5)) == ("mN*m", 1e-3, 4.0, 0.0025)
-    (found,) = made("key", "label", "Group", Owner(), "plain", 0.5, (0.5, 2))
+    (found,) = key_candidate("key", "label", "Group", Owner(), "plain", 0.5, (0.5, 2))
     assert (found.unit, found.factor, found.start) == ("", 1.0, 0.5)
     assert found.si(0.75) == found.text(0.75) == 0.75
-    assert list(made("key", "label", "Group", None, "torque", "4 mN*m", (0.5, 2))) == []
+    assert list(key_candidate("key", "label", "Group", None, "torque", "4 mN*m", (0.5, 2))) == []
 
 
 def test_a_key_is_looked_up_in_the_model_and_in_the_file():

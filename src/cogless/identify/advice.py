@@ -33,7 +33,12 @@ class AdvisedError(StudyError):
 
     def __init__(self, *lines: str) -> None:
         super().__init__("\n".join(lines))
-        self.lines = lines
+        self._mistakes = lines
+
+    @property
+    def mistakes(self) -> tuple[str, ...]:
+        """The sentences, those that advise with their changes."""
+        return self._mistakes
 
 
 def recording(**values: Any) -> Cure:

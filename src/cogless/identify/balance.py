@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from cogless.identify.files import Array
 from cogless.identify.kernel import REACH_WIDTHS, Kernel, shifted, white_noise
 from cogless.identify.log import Log
+from cogless.results.trace import Array
 
 LADDER = (0.006, 0.009, 0.013, 0.02, 0.03, 0.045, 0.07, 0.1)  # s, widths of the acceleration's instruments
 WIDE_INSTRUMENT = 5  # of the ladder, before another is chosen
@@ -149,7 +149,7 @@ def _waves(theta: Array, orders: Iterable[int]) -> Iterator[tuple[int, NDArray[n
 def rows_of(log: Log, model: Model, sensor: Sensor) -> list[Rows]:
     """Rows of each stretch of a log that is long enough."""
     if log.kind == "hold" and not log.dt:
-        return [_held(log, model)]
+        return [_hold_rows(log, model)]
     kernel = Kernel(model.width(log), log.dt, model.delay)
     moving = (_moving(log, rows, model, kernel, sensor) for rows in log.stretches if _long(rows, kernel))
     return [rows for rows in moving if len(rows.y)]
@@ -173,7 +173,7 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     way = np.sign(slow)
 
     def filtered(x: Array, weights: Array = kernel.value) -> Array:
-        return kernel.of(x, weights, step)
+        return kernel.filter(x, weights, step)
 
     alpha, omega = filtered(theta, kernel.acceleration), filtered(theta, kernel.speed)
     count, rubbing = len(alpha), filtered(way)
@@ -297,7 +297,7 @@ def _weights(count: int, spacing: float) -> Array:
     return np.array([_smooth(np.ones(count), width / spacing) for width in LADDER])
 
 
-def _held(log: Log, model: Model) -> Rows:
+def _hold_rows(log: Log, model: Model) -> Rows:
     """Rows of a hold map, where the rotor came from one direction or the other."""
     theta, current = corrected(log["theta"], model), log["i_q"]
     columns: dict[Name, Array] = {("c_hold",): log["direction"]}

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from cogless.identify.balance import Model, Rows, Sensor
-from cogless.identify.files import Array
 from cogless.identify.jackknife import BLOCK_ROWS_LEAST, LOG_BLOCKS, Fit
+from cogless.results.trace import Array
 from cogless.units import TURN
 
 FALSE_ALARM = 0.01  # chance that a search finds any order where there is none

@@ -50,13 +50,13 @@ def lines(estimate: Estimate) -> list[str]:
     for key, (description, unit, name, torque) in write.VALUE_NAMES.items():
         if key in estimate.values:
             value = estimate.values[key]
-            by_torque = write.shown(value.times(estimate.K_t), torque)
+            by_torque = write.value_text(value.times(estimate.K_t), torque)
             more = f"  {name.replace('_', ' ')} {by_torque}" if name else ""
-            texts.append(f"{description:<30} {write.shown(value, unit)}{more}")
+            texts.append(f"{description:<30} {write.value_text(value, unit)}{more}")
     for kind, waves, factor, unit in _kinds(estimate):
         for wave in waves:
             size, phase = wave.size.times(factor), wave.phase.times(1 / DEGREE)
-            size_and_phase = f"{write.shown(size, unit)}, phase {write.shown(phase, 'deg')}"
+            size_and_phase = f"{write.value_text(size, unit)}, phase {write.value_text(phase, 'deg')}"
             texts.append(f"{f'{kind}, order {wave.order}':<30} {size_and_phase}")
     return texts
 

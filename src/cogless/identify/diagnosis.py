@@ -49,7 +49,7 @@ class Diagnosis:
 
     def motion(self, log: str) -> float:
         """Ripple of the rotor's own speed, rms, rad/s."""
-        measured = sum(entry.share * entry.measured for entry in self.of(log))
+        measured = sum(entry.share * entry.measured for entry in self.orders_of(log))
         return self.whole[log] * math.sqrt(max(0.0, 1 - measured))
 
     def noise(self, log: str) -> float:
@@ -57,7 +57,7 @@ class Diagnosis:
         logged = self.logged.get(log, 0.0)
         return max(0.0, 1 - (self.whole[log] / logged) ** 2) if logged else 0.0
 
-    def of(self, log: str) -> list[OrderCauses]:
+    def orders_of(self, log: str) -> list[OrderCauses]:
         return [entry for entry in self.orders if entry.log == log]
 
     def causes(self, log: str) -> dict[str, float]:
@@ -66,12 +66,12 @@ class Diagnosis:
         What opposes an order's ripple has no part in it; the others share what is left of it.
         """
         shares: dict[str, float] = defaultdict(float)
-        for entry in self.of(log):
+        for entry in self.orders_of(log):
             adds = sum(max(0.0, cause.share) for cause in entry.causes)
             for cause in entry.causes:
                 if cause.share > 0:
                     shares[cause.name] += entry.share * cause.share / adds
-        shares[NO_ORDER] = max(0.0, 1 - sum(entry.share for entry in self.of(log)))
+        shares[NO_ORDER] = max(0.0, 1 - sum(entry.share for entry in self.orders_of(log)))
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
@@ -92,7 +92,7 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
             estimate = _with_sure_error(estimate_motor(identification, whole, progress))
             remarks += [*estimate.left_out, *estimate.remarks]
         except StudyError as error:
-            remarks += error.lines if isinstance(error, AdvisedError) else str(error).splitlines()
+            remarks += error.mistakes
     poles = identification.motor.pole_pairs
     explained, own = _explained(estimate, loaded), own_orders(poles, identification.motor.slots)
     angles = {log.name for log in loaded if "theta" in log}
@@ -359,7 +359,7 @@ def lines(diagnosis: Diagnosis) -> list[str]:
     """The answer, a line for each log, and one for each order that matters."""
     text = [answer(diagnosis), ""]
     for log in diagnosis.whole:
-        own = diagnosis.of(log)
+        own = diagnosis.orders_of(log)
         shares = ", ".join(
             f"{name} {100 * share:.0f} %"
             for name, share in diagnosis.causes(log).items()
@@ -376,7 +376,7 @@ def lines(diagnosis: Diagnosis) -> list[str]:
     for entry in diagnosis.orders:
         if entry.share < LINE_SHARE_LEAST:
             continue
-        causes = ", ".join(shown(cause) for cause in entry.causes if abs(cause.share) > 0.05)
+        causes = ", ".join(cause_text(cause) for cause in entry.causes if abs(cause.share) > 0.05)
         text.append(
             f"{entry.log:<20} {entry.order:>5} {entry.ripple:>10.3g} {100 * entry.share:>5.0f} %  {causes}: "
             f"{entry.confidence}"
@@ -398,7 +398,7 @@ def sizes(diagnosis: Diagnosis, log: str) -> str:
     return ", ".join(says)
 
 
-def shown(cause: Cause) -> str:
+def cause_text(cause: Cause) -> str:
     """A cause with its share and error at 95 %."""
     error = f" +- {100 * cause.error:.0f}" if cause.error else ""
     return f"{cause.name} {100 * cause.share:.0f}{error} %"

@@ -260,7 +260,7 @@ def estimate_motor(identification: Identification, logs: Sequence[Log], progress
         out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
         causes = [line for line in log_remarks if line.startswith(out)]  # before what follows from them
         others = [line for line in log_remarks if line not in causes]
-        raise AdvisedError(*causes, *error.lines, *others) from None
+        raise AdvisedError(*causes, *error.mistakes, *others) from None
     if "j" not in model.columns:
         used = [log for log in used if not log.dt]
     drive = Logs(identification, used, progress)

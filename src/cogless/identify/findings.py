@@ -11,10 +11,10 @@ from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recordin
 from cogless.identify.balance import WAVE_RATE_SHARE, WIDTH_ROWS, Model, Rows
 from cogless.identify.cogging_orders import BLUR_PHASE
 from cogless.identify.config import Identification
-from cogless.identify.files import Array
 from cogless.identify.jackknife import Fit, fit, jackknife
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
+from cogless.results.trace import Array
 from cogless.units import TURN
 
 SPEED_DIFFERENCE = 0.15  # relative: speeds that differ by less are one

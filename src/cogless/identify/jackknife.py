@@ -20,7 +20,7 @@ from scipy.stats import t as student
 
 from cogless.errors import StudyError
 from cogless.identify.balance import LADDER, WIDE_INSTRUMENT, Name, Rows, all_names
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 
 LOG_BLOCKS = 12
 BLOCK_ROWS_LEAST = 6  # a block has no fewer

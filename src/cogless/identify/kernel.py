@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 
 REACH_WIDTHS = 4  # widths that a kernel reaches to either side
 ANSWER_ROWS = 8  # in which a law's current follows the angle
@@ -26,7 +26,7 @@ class Kernel:
         self.slope, self.curvature = _derivatives(x, width)
         self.speed, self.acceleration = _derivatives(x + delay, width)
 
-    def of(self, x: Array, weights: Array, step: int) -> Array:
+    def filter(self, x: Array, weights: Array, step: int) -> Array:
         """The filtered signal at every step-th row that the kernel covers."""
         if step == 1:
             return np.correlate(x, weights, "valid")

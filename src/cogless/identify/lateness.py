@@ -15,10 +15,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.result import Value
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 
 ANGLE_ROWS = 5  # rows in which i_q follows the angle
 LATE_ROWS_MOST = 5  # rows of a log by which i_q is late, at most

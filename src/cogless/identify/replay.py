@@ -63,7 +63,7 @@ def played(estimate: Estimate, progress: Callable[[float], None], dead_time: flo
         study = checked(Source(Path(estimate.identification.path), one))
         assert isinstance(study, Study)
         (results,) = rollout([study], [f"*/{log.rule.controller or next(iter(study.controller))}"], jobs=1)
-        traces[log.name] = _kept(results.runs[0].trace)
+        traces[log.name] = _log_signals(results.runs[0].trace)
     return traces
 
 
@@ -110,7 +110,7 @@ def _said_of_dead_time(more: Value, drive: Drive) -> str:
     )
 
 
-def _kept(trace: Trace) -> Trace:
+def _log_signals(trace: Trace) -> Trace:
     """The signals that a log has: sixteen whole traces would fill a gigabyte."""
     names = tuple(name for name in TRACE_SIGNALS if name in trace)
     units = dict(zip(trace.names, trace.units, strict=True))

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cogless.identify.files import Array
 from cogless.identify.kernel import shifted
 from cogless.identify.log import Log
 from cogless.identify.waves import Waves, standing_waves, waves_of_signal
+from cogless.results.trace import Array
 from cogless.units import TURN
 
 SPEED_DEVIATION = 0.1  # relative: what is within it of a speed is steady

@@ -15,10 +15,10 @@ from scipy.stats import t as student
 
 from cogless.identify.advice import Advice, AdvisedError, recording
 from cogless.identify.config import Identification
-from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.identify.steady import Steady, steady
+from cogless.results.trace import Array
 from cogless.study.datasheet import mixed_up
 from cogless.units import TURN
 

@@ -22,7 +22,7 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from cogless.identify.cogging_orders import FALSE_ALARM
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 from cogless.units import TURN
 
 MOTION_ORDER_HIGHEST = 1000  # highest order that is looked for

@@ -111,7 +111,7 @@ def compensation(estimate: Estimate) -> StoredMap:
     )
 
 
-def shown(value: Value, unit: str = "") -> str:
+def value_text(value: Value, unit: str = "") -> str:
     """A value with its error at 95 %, as text: digits as far as the error has two."""
     if value.error <= 0 or not np.isfinite(value.error):
         return f"{value.value:.4g} {unit}".rstrip()
@@ -133,12 +133,12 @@ def _head(estimate: Estimate) -> list[str]:
 
 def _wave_lines(estimate: Estimate) -> list[str]:
     return [
-        f"# cogging, order {wave.order}: {shown(wave.size.times(1e3 * estimate.K_t), 'mN*m')}, "
-        f"phase {shown(wave.phase.times(1 / DEGREE), 'deg')}"
+        f"# cogging, order {wave.order}: {value_text(wave.size.times(1e3 * estimate.K_t), 'mN*m')}, "
+        f"phase {value_text(wave.phase.times(1 / DEGREE), 'deg')}"
         for wave in estimate.cogging
     ] + [
-        f"# K_t ripple, order {wave.order}: {shown(wave.size.times(100), '%')}, "
-        f"phase {shown(wave.phase.times(1 / DEGREE), 'deg')}"
+        f"# K_t ripple, order {wave.order}: {value_text(wave.size.times(100), '%')}, "
+        f"phase {value_text(wave.phase.times(1 / DEGREE), 'deg')}"
         for wave in estimate.ripple
     ]
 
@@ -158,16 +158,16 @@ def _study(estimate: Estimate) -> str:
     tables = described.study(estimate)
     tables["motor"] = {"datasheet": "motor.toml"}
     notes = [
-        f"# {description}: {shown(estimate.values[key], unit)}"
-        + (f"; {name} {shown(estimate.values[key].times(estimate.K_t), torque)}" if name else "")
+        f"# {description}: {value_text(estimate.values[key], unit)}"
+        + (f"; {name} {value_text(estimate.values[key].times(estimate.K_t), torque)}" if name else "")
         for key, (description, unit, name, torque) in VALUE_NAMES.items()
         if key in estimate.values
     ]
     notes += [
-        f"# load of {name}: {shown(v.times(estimate.K_t), 'N*m')}" for name, v in estimate.loads.items()
+        f"# load of {name}: {value_text(v.times(estimate.K_t), 'N*m')}" for name, v in estimate.loads.items()
     ]
     notes += [
-        f"# encoder's error, order {wave.order}: {shown(wave.size.times(1 / DEGREE), 'deg')}"
+        f"# encoder's error, order {wave.order}: {value_text(wave.size.times(1 / DEGREE), 'deg')}"
         for wave in estimate.encoder
     ]
     return "\n".join([*_head(estimate), *notes, "", plan.text(tables)])

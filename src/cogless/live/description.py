@@ -63,6 +63,10 @@ class Packed:
     shape: tuple[str, ...]
 
 
+Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
+PackedRuns = Mapping[Place, Packed]
+
+
 def pack(description: Mapping[str, Any], precision: str) -> Packed:
     """Pack a description. TypeError: a value that no description has."""
     law = C_LAWS.get(description["controller"]["law"])
@@ -192,7 +196,7 @@ def _put(kind: Any) -> Callable[[_Packer, Any, str], None] | None:
     return next((put for base, put in PACKERS if issubclass(kind, base)), None)
 
 
-def held(study: AnyStudy) -> list[Pair]:
+def page_runs(study: AnyStudy) -> list[Pair]:
     """The runs that a page can hold: all but those of the laws that `left_out` names."""
     return [pair for pair in every(study) if not study.once(why_not, pair[1])]
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
-from cogless.live.description import Number, Packed
+from cogless.live.description import Number, PackedRuns, Place
 
 RESISTANCE_KEY, INDUCTANCE_KEY = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
 POLE_PAIRS = "motor.pole_pairs"
@@ -43,9 +43,7 @@ CHECKED_MOTORS = 12
 SHARE_HALVINGS = 8
 STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # factors on a key's value; the first accepted is used
 
-Place = tuple[str, str, str]
-All = Mapping[Place, Packed]
-Changed = Callable[[Sequence[tuple[Candidate, float]]], All]
+Changed = Callable[[Sequence[tuple[Candidate, float]]], PackedRuns]
 Narrow = Callable[[Candidate], Candidate]
 
 
@@ -72,7 +70,7 @@ class OwnMotor:
     products: Mapping[Place, Sequence[Product]]
     keys: Mapping[str, Candidate]
     ends: tuple[float, float]
-    turned: Mapping[int, All]
+    turned: Mapping[int, PackedRuns]
 
     @property
     def pole_pairs(self) -> Candidate:
@@ -99,7 +97,7 @@ class OwnMotor:
         return values
 
 
-def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
+def own_motor(base: PackedRuns, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
     """The numbers that the keys of TOGETHER set, as products of powers.
 
     `changed` gives the descriptions with some values, or raises StudyError or MisfitError if the study
@@ -116,8 +114,8 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
             by_key[key] = narrow(by_key[key])
     scaled_pair = _scaled(base, changed, over, under)
 
-    def of(number: Number, place: Place) -> Product | None:
-        def power(share: float, blobs_now: All) -> float:
+    def product_of(number: Number, place: Place) -> Product | None:
+        def power(share: float, blobs_now: PackedRuns) -> float:
             return _power(number.read(blobs_now[place].data), start, share)
 
         start = number.read(base[place].data)
@@ -141,7 +139,7 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
             number, start, whole, () if set(factors) == {start} else tuple(x / start for x in factors), curve
         )
 
-    every = {place: [of(number, place) for number in blob.numbers] for place, blob in base.items()}
+    every = {place: [product_of(number, place) for number in blob.numbers] for place, blob in base.items()}
     products = {place: [one for one in all_of if one is not None] for place, all_of in every.items()}
     own = OwnMotor(products, by_key, ends, turned)
     _check(base, changed, own)
@@ -155,7 +153,7 @@ def nodes(ends: tuple[float, float]) -> list[float]:
     return [(low + high) / 2 + (high - low) / 2 * math.cos(angle) for angle in angles]
 
 
-def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> All | None:
+def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> PackedRuns | None:
     """The descriptions with these values; None if the study refuses them."""
     try:
         return changed(values)
@@ -163,7 +161,7 @@ def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> Al
         return None
 
 
-def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, All]]:
+def _turned(base: PackedRuns, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, PackedRuns]]:
     """The pole pairs that the study accepts without a gap around its own, and the descriptions of each."""
     start, turned = round(pairs.start), {round(pairs.start): base}
     for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
@@ -176,7 +174,7 @@ def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, d
     return replace(pairs, low=low, high=high, least=low, most=high), turned
 
 
-def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, All]]]:
+def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, PackedRuns]]]:
     """The ends of R_s / L within which the study accepts every node.
 
     Each node has a share of the study's L and the descriptions with it.
@@ -196,7 +194,7 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
             return (ends[0], ends[1]), bent
 
 
-def _scaled(base: All, changed: Changed, *keys: Candidate) -> tuple[float, All]:
+def _scaled(base: PackedRuns, changed: Changed, *keys: Candidate) -> tuple[float, PackedRuns]:
     """The first of STEPS that the study accepts for these keys together, with its descriptions; else 1."""
     for share in STEPS:
         changed_blobs = _accepted(changed, [(key, share * key.start) for key in keys])
@@ -246,7 +244,7 @@ def _is_whole(x: float) -> bool:
     return abs(x - round(x)) < POWER_TOLERANCE if math.isfinite(x) else False
 
 
-def _check(base: All, changed: Changed, own: OwnMotor) -> None:
+def _check(base: PackedRuns, changed: Changed, own: OwnMotor) -> None:
     """StudyError: a number is not what its product says, or one moves that has none."""
     for n in range(CHECKED_MOTORS):
         for halvings in range(SHARE_HALVINGS):
@@ -257,7 +255,7 @@ def _check(base: All, changed: Changed, own: OwnMotor) -> None:
                 break
 
 
-def _compare(base: All, changed_blobs: All, own: OwnMotor, values: Mapping[str, float]) -> None:
+def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values: Mapping[str, float]) -> None:
     for place, blob in changed_blobs.items():
         products = {one.number: computed(one, own, values) for one in own.products[place]}
         for number in blob.numbers:

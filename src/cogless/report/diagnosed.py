@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from cogless.files import replacing
-from cogless.identify.diagnosis import LINE_SHARE_LEAST, Diagnosis, answer, shown, sizes
+from cogless.identify.diagnosis import LINE_SHARE_LEAST, Diagnosis, answer, cause_text, sizes
 from cogless.report.identified import page_of, sentences
 from cogless.report.markup import note, table
 from cogless.units import TURN
@@ -68,7 +68,7 @@ def _orders(diagnosis: Diagnosis) -> str:
             "" if math.isnan(order.load) else f"{order.load:.3g} A",
             f"{order.ripple:.3g} rad/s",
             f"{100 * order.share:.0f} %",
-            ", ".join(shown(cause) for cause in order.causes if abs(cause.share) > 0.05),
+            ", ".join(cause_text(cause) for cause in order.causes if abs(cause.share) > 0.05),
             order.confidence,
         ]
         body += (

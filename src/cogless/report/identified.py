@@ -18,7 +18,7 @@ from cogless.identify.command import Identified, lines
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.sessions import SESSION_KEYS, sessions
-from cogless.identify.write import shown
+from cogless.identify.write import value_text
 from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, note, table
 from cogless.results.trace import Array, Trace
@@ -220,7 +220,7 @@ def _sessions(estimate: Estimate) -> str:
     for session in sessions(estimate):
         cells = [", ".join(session.logs)]
         values = [session.values.get(key) for key in SESSION_KEYS]
-        cells += ["not told" if value is None else shown(value, "A") for value in values]
+        cells += ["not told" if value is None else value_text(value, "A") for value in values]
         body += f"<tr><th>{escape(session.name)}</th>{''.join(f'<td>{escape(c)}</td>' for c in cells)}</tr>"
     head = "".join(f"<th>{name}</th>" for name in ("Session", "logs", "friction over K_t", "offset of i_q"))
     return table("", "Sessions", head, body) if body else ""
