@@ -12,7 +12,16 @@ from identify.commissioned import METRIC, MOTORS, PI
 
 from cogless.identify import lateness as room
 from cogless.identify.config import LogRule
-from cogless.identify.lateness import NOTHING, Profile, _changes, _filters, _motion, _part, _profile, lateness
+from cogless.identify.lateness import (
+    NO_VALUE,
+    Profile,
+    _changes,
+    _filters,
+    _motion,
+    _part,
+    _profile,
+    lateness,
+)
 from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.results.trace import Trace
@@ -137,7 +146,7 @@ def test_a_part_of_the_dead_time_is_known_to_two_standard_errors():
     delayed = of_parts(([0.0, 1.0], 100))
     assert (delayed.value, delayed.error) == pytest.approx((0.4, np.hypot(0.2, 0.1)))
     assert of_parts(([0.5, 0.5], 0.25)).value == pytest.approx(0.5)
-    assert of_parts(([0.0, 1.0], 0)) == NOTHING == Value(0.0, 0.0)
+    assert of_parts(([0.0, 1.0], 0)) == NO_VALUE == Value(0.0, 0.0)
 
 
 # Delays that are likely, from profiles by hand: parabolas around a delay, 0.1 ms wide

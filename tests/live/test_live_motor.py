@@ -312,7 +312,7 @@ def test_a_motor_that_stands_is_not_praised(own, shown):
 def test_a_number_that_is_no_product_is_refused(own):
     """Such as the orders that are learned, if slots and poles tell them: no power of anything."""
     study, found = own
-    keys = [key.candidate for key in found.keys if key.candidate.key in own_motor.TOGETHER]
+    keys = [key.candidate for key in found.keys if key.candidate.key in own_motor.OWN_MOTOR_KEYS]
     base = packed(study, [("slow", "pi")])
 
     def bent(values):
@@ -336,7 +336,7 @@ def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
 def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
     """Without a base of its own the law learns the multiples of gcd(slots, poles), or of 6."""
     study = load(own[0].source.path)
-    keys = [key.candidate for key in own[1].keys if key.candidate.key in own_motor.TOGETHER]
+    keys = [key.candidate for key in own[1].keys if key.candidate.key in own_motor.OWN_MOTOR_KEYS]
     run = ("slow", "harmonic")
 
     def made(values):

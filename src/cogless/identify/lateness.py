@@ -27,7 +27,7 @@ GAIN_ERROR = 0.01  # relative error of the filter's gain, by the law's inertia a
 DELAYS_A_ROW = 20  # delays that are tried between two rows of the trace
 LIKELY_EXCESS = 4.0  # the objective above its least, in its own variance: 95 % of one value
 NO_TRACES: Mapping[str, Trace] = MappingProxyType({})
-NOTHING = Value(0.0, 0.0)
+NO_VALUE = Value(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Lateness:
     """How late i_q is logged, s, and the part of the added dead time that the drive has; or why not."""
 
     delay: Value | None
-    part: Value = NOTHING
+    part: Value = NO_VALUE
     remark: str = ""
 
 
@@ -117,7 +117,7 @@ def _part(profiles: Sequence[Profile], delay: Value) -> Value:
 
     parts, information = parts_at(delay.value)
     if not np.any(information):
-        return NOTHING
+        return NO_VALUE
     middle = mean(delay.value)
     apart = float((parts - middle) ** 2 @ information) / max(1, len(parts) - 1)
     own = 2 * np.sqrt(max(1.0, apart) / np.sum(information))

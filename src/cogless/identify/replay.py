@@ -21,7 +21,7 @@ from cogless.identify import described
 from cogless.identify.advice import Advice, recording
 from cogless.identify.balance import Name
 from cogless.identify.estimate import Progress, at_delay
-from cogless.identify.lateness import NOTHING, Lateness, lateness
+from cogless.identify.lateness import NO_VALUE, Lateness, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
 from cogless.identify.voltage import Agreement
@@ -172,7 +172,7 @@ def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str,
         return estimate, {}
     traces: dict[str, Trace] = {}
     with_dead_time: dict[str, Trace] = {}
-    drive, dead_time, late = estimate.identification.drive, NOTHING, NO_LATENESS
+    drive, dead_time, late = estimate.identification.drive, NO_VALUE, NO_LATENESS
     for n in range(REPLAY_ROUNDS):
         own = _likely(dead_time, drive)
         traces, with_dead_time = {}, {}  # Else those of the round before stay in memory.

@@ -31,7 +31,7 @@ from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import MOTOR, PAGE_KEYS, YOURS, Candidate
 from cogless.live.description import Number, Packed, PackedRuns, Place, blobs, page_runs
-from cogless.live.own_motor import TOGETHER, OwnMotor, own_motor
+from cogless.live.own_motor import OWN_MOTOR_KEYS, OwnMotor, own_motor
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
@@ -93,7 +93,7 @@ def adjustable(study: AnyStudy, for_own_motor: bool = False) -> AdjustableKeys:
     adjustable_keys, taken = AdjustableKeys(base=base), set[tuple[Place, int]]()
     listed = [_bounded(study, candidate) for candidate in _candidates(study, for_own_motor)]
     listed = _with_all_runs(study, base, listed)
-    together = [candidate for candidate in listed if for_own_motor and candidate.key in TOGETHER]
+    together = [candidate for candidate in listed if for_own_motor and candidate.key in OWN_MOTOR_KEYS]
     if for_own_motor:
         _check_words(study, {candidate.key for candidate in together})
         adjustable_keys.own_motor = _own_motor(study, base, together)
@@ -195,7 +195,7 @@ def _own_motor(study: AnyStudy, base: PackedRuns, keys: Sequence[Candidate]) -> 
 
 def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
     """The candidate with a slider whose ends the study accepts."""
-    if candidate.stops or (candidate.group == YOURS and candidate.key in TOGETHER):
+    if candidate.stops or (candidate.group == YOURS and candidate.key in OWN_MOTOR_KEYS):
         return candidate  # of one's own motor, its other keys decide
     return _within_study(study, candidate)
 
@@ -222,7 +222,7 @@ def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
 
 def _check_words(study: AnyStudy, present: Set[str]) -> None:
     """StudyError unless the study has all keys that set numbers together."""
-    if missing := [key for key in MOTOR if key in TOGETHER - present]:
+    if missing := [key for key in MOTOR if key in OWN_MOTOR_KEYS - present]:
         motor = study.source.tables.get("motor", {})
         others = replaced_by_any(key.removeprefix("motor.") for key in missing)
         in_place = ", ".join(key for key in motor if key in others)

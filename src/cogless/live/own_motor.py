@@ -22,7 +22,7 @@ from cogless.live.description import Number, PackedRuns, Place
 
 RESISTANCE_KEY, INDUCTANCE_KEY = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
 POLE_PAIRS = "motor.pole_pairs"
-TOGETHER = frozenset(
+OWN_MOTOR_KEYS = frozenset(
     (
         POLE_PAIRS,
         RESISTANCE_KEY,
@@ -62,9 +62,9 @@ class Product:
 class OwnMotor:
     """The data that a page needs for one's own motor.
 
-    `products`: each number as a product of powers of the keys. `keys`: the keys of TOGETHER, with the range
-    that the page accepts. `ends`: the range of R_s / L, as a share of the study's. `turned`: the study's
-    descriptions for each number of pole pairs that the page accepts.
+    `products`: each number as a product of powers of the keys. `keys`: those of OWN_MOTOR_KEYS, with the
+    range that the page accepts. `ends`: the range of R_s / L, as a share of the study's. `turned`: the
+    study's descriptions for each number of pole pairs that the page accepts.
     """
 
     products: Mapping[Place, Sequence[Product]]
@@ -98,7 +98,7 @@ class OwnMotor:
 
 
 def own_motor(base: PackedRuns, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
-    """The numbers that the keys of TOGETHER set, as products of powers.
+    """The numbers that the keys of OWN_MOTOR_KEYS set, as products of powers.
 
     `changed` gives the descriptions with some values, or raises StudyError or MisfitError if the study
     refuses them. `narrow` gives a key with the range that the study accepts. StudyError: a number is no such
