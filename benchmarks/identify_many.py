@@ -47,7 +47,7 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
         sweeps = [(0.5 + 0.8 * k, (3.0 + n) * (-1) ** k) for k in range(24)]
         made[f"acceleration-{n}"] = "acceleration", profile((0, 0), *sweeps)
         made[f"load-{n}"] = "load", both_ways(0.25 * (1 + n // 2)) | {"load": loads[n % 2]}
-    plan.KINDS.update({name: kind for name, (kind, _) in made.items()})
+    plan.SCENARIO_KINDS.update({name: kind for name, (kind, _) in made.items()})
     return {name: scenario for name, (_, scenario) in made.items()}, rate
 
 

@@ -45,7 +45,7 @@ class Playground(Parsed):
         folder.mkdir(parents=True, exist_ok=True)
         rows = []
         for n, (study, command) in enumerate(zip(studies, commands, strict=True)):
-            write(study, folder / f"{study.name}.html", command, told=own is not None and n == 0)
+            write(study, folder / f"{study.name}.html", command, for_own_motor=own is not None and n == 0)
             laws = ", ".join(study.label(name) for name in study.controller)
             up = "../" * self.env_docname().count("/")
             rows += [f'- <a href="{up}{FOLDER}/{study.name}.html">{study.title}</a>: {laws}']

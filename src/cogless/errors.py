@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 EXIT_DEFECT, EXIT_WRONG, EXIT_INTERRUPTED = 1, 2, 130  # exit codes
@@ -22,6 +22,11 @@ class StudyError(Exception):
         self.cures = cures
         return self
 
+    @property
+    def mistakes(self) -> Sequence[str]:
+        """The text, a line for each mistake."""
+        return str(self).splitlines()
+
     def text_without(self, file: object) -> str:
-        """The text without the name of this file, for where that is known."""
+        """The text without the name of this file or key, for where that is known."""
         return str(self).removeprefix(f"{file}: ")

@@ -21,11 +21,11 @@ SIGNAL_ROW = re.compile(r'^CGL_SIGNAL\("(\w+)", "(.*?)", "(.*?)", ([\w ]+), .*\)
 class Recorded:
     """A signal that the engine records.
 
-    `about`: its meaning. `when`: condition on the kinds of drive that have the signal, as in signals.def.
+    `meaning`: its meaning. `when`: condition on the kinds of drive that have the signal, as in signals.def.
     """
 
     unit: str
-    about: str
+    meaning: str
     when: str
 
     def exists(self, kinds: Collection[str]) -> bool:

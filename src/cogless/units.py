@@ -59,6 +59,7 @@ class Dimension:
 
 TURN = math.tau  # rad
 RPM = TURN / 60  # rad/s
+DEGREE = math.radians(1)  # rad
 
 ANGLE = Dimension("an angle", "rad", "deg")
 ANGULAR_SPEED = Dimension("an angular speed", "rad/s", "rpm")

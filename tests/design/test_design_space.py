@@ -211,10 +211,10 @@ def test_flux_and_ripple_make_the_torque_constant_of_an_angle() -> None:
         0.02 + 0.3e-3 * np.cos(12 * theta + np.radians(20)) + 6 * 0.1e-3 * np.cos(12 * theta)
         + 0.02 * 0.02 * np.sin(5 * theta + np.radians(30))
     )  # fmt: skip
-    assert found.K.at(theta) == pytest.approx(K)
+    assert found.K.values_at(theta) == pytest.approx(K)
     assert found.orders == {12, 5}
-    slope = (found.K.at(theta + 1e-6) - found.K.at(theta - 1e-6)) / 2e-6
-    assert found.K.at(theta, 1) == pytest.approx(slope, abs=1e-7)
+    slope = (found.K.values_at(theta + 1e-6) - found.K.values_at(theta - 1e-6)) / 2e-6
+    assert found.K.values_at(theta, 1) == pytest.approx(slope, abs=1e-7)
 
 
 def test_a_series_is_bounded_by_the_sums_of_its_terms() -> None:
@@ -228,10 +228,10 @@ def test_a_series_is_bounded_by_the_sums_of_its_terms() -> None:
     )
     both = Series(1.0, (), (), table)
     points = np.array([0.5, 1.25, 2.0, 2.15, 0.5 + TURN])
-    assert both.at(points) == pytest.approx([1.0, 1.15, 1.3, 1.1, 1.0])
-    assert both.at(points, 1) == pytest.approx([0.2, 0.2, -slope, -slope, 0.2])
-    assert both.at(np.array([2.0]), 1, above=False) == pytest.approx([0.2])
-    assert both.at(points, 2) == pytest.approx(np.zeros(5))
+    assert both.values_at(points) == pytest.approx([1.0, 1.15, 1.3, 1.1, 1.0])
+    assert both.values_at(points, 1) == pytest.approx([0.2, 0.2, -slope, -slope, 0.2])
+    assert both.values_at(np.array([2.0]), 1, above=False) == pytest.approx([0.2])
+    assert both.values_at(points, 2) == pytest.approx(np.zeros(5))
 
 
 def test_derivatives_of_products_and_reciprocals_are_those_of_exponentials() -> None:

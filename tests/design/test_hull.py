@@ -78,9 +78,9 @@ def test_offsets_in_many_directions_get_a_cross_polytope() -> None:
 def test_a_hull_of_corners_that_is_enough_stays_as_it_is() -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])
     found = enclose(square, np.array([[0.2, 0.9], [1.0, 0.5]]))
-    assert (found.exact, found.kept, found.outside) == (True, (0, 1, 2, 3), 0.0)
+    assert (found.exact, found.corner_indices, found.outside) == (True, (0, 1, 2, 3), 0.0)
     out = enclose(square, np.array([[0.5, 1.2]]))
-    assert not out.exact and out.kept == ()
+    assert not out.exact and out.corner_indices == ()
     # scaled by the spread of all, 1 and 1.2: 0.7 over 0.5 of the height; a tenth of the excess more
     assert out.outside == pytest.approx(0.4)
     assert out.vertices[:, 1].max() == pytest.approx(0.5 + 0.5 * (1 + 0.4 * 1.1))
@@ -88,7 +88,7 @@ def test_a_hull_of_corners_that_is_enough_stays_as_it_is() -> None:
 
 def test_samples_beside_a_line_of_corners_get_a_box_with_a_tenth_to_spare() -> None:
     found = enclose(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[0.5, 0.1], [0.2, 0.0]]))
-    assert not found.exact and found.kept == ()
+    assert not found.exact and found.corner_indices == ()
     expected = [[0.0, -0.005], [0.0, 0.105], [1.0, -0.005], [1.0, 0.105]]
     assert sorted(found.vertices.tolist()) == pytest.approx(np.array(expected))
     assert found.outside == pytest.approx(2.0)  # of half the samples' spread

@@ -471,7 +471,7 @@ def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
     first = tmp_path / "shard-1-of-2.jsonl"
     with pytest.raises(StudyError) as error:
         sweeping.merge(other, tmp_path)
-    digests = planned.about["study"], other.about["study"]
+    digests = planned.identity["study"], other.identity["study"]
     assert str(error.value) == f"{first}: study: {digests[0]}: expected the same study, or another directory"
     with pytest.raises(StudyError) as error:
         sweeping.merge(plan(tmp_path, 41), tmp_path)
@@ -511,7 +511,7 @@ def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
 
 def test_one_writer_at_a_time(tmp_path: Path) -> None:
     planned = plan(tmp_path)
-    with sweeping.opened(tmp_path / "journal.jsonl", planned.about), pytest.raises(StudyError) as error:
+    with sweeping.opened(tmp_path / "journal.jsonl", planned.identity), pytest.raises(StudyError) as error:
         sweeping.run(planned, tmp_path, Here())
     assert (
         str(error.value)
@@ -539,7 +539,7 @@ def test_a_file_that_is_no_journal(tmp_path: Path) -> None:
 
 def test_a_journal_of_an_earlier_cogless_has_no_checksums(tmp_path: Path) -> None:
     planned, path = plan(tmp_path), tmp_path / "journal.jsonl"
-    path.write_text(json.dumps(planned.about) + "\n[0,[5]]\n")
+    path.write_text(json.dumps(planned.identity) + "\n[0,[5]]\n")
     with pytest.raises(StudyError) as error:
         sweeping.run(planned, tmp_path, Here())
     why = "not readable: was written by an earlier cogless, without checksums: expected another directory"

@@ -323,7 +323,7 @@ def test_the_stretches_of_a_self_test_by_hand(tmp_path: Path) -> None:
         found = inputs(first)
         for key, value in {**plain, **moves}.items():
             assert found[key] == (value if key == "i_abc" else pytest.approx(value, nan_ok=True)), (
-                each.about,
+                each.title,
                 key,
             )
         first += periods

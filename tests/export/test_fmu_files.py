@@ -93,7 +93,7 @@ def test_a_model_description_s_variables(version: int) -> None:
             "variableNamingConvention": "structured",
         },
     )
-    assert [v.get("description") for v in variables] == [v.about for v in VARIABLES]
+    assert [v.get("description") for v in variables] == [v.description for v in VARIABLES]
     category = {"name": "logStatusError", "description": "why a function returned an error"}
     assert [each.attrib for each in root.iter("Category")] == [category]
     assert {unit.get("name") for unit in root.iter("Unit")} == {"s", "rad/s", "N*m"}  # those that are used
@@ -263,7 +263,9 @@ def test_each_trial_of_a_controller_s_fmu_has_the_motion_of_its_phase() -> None:
 def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
     run: Any = SimpleNamespace(phases=2, bus_voltage=None if ideal else 24.0, trials=False)
     variables = _drive_variables(run, [("time", "s"), ("omega_ref", "rad/s"), ("omega_m", "rad/s")])
-    told = {v.name: (v.causality, v.kind, v.unit, v.about) for v in variables if v.causality != "output"}
+    told = {
+        v.name: (v.causality, v.kind, v.unit, v.description) for v in variables if v.causality != "output"
+    }
     what = "input.i_q_ref" if ideal else "the duty inputs"
     of_current = ("input", "real", "A", "q-axis current; counts where external_control is true")
     open_ = "true: all switches are off and the duties do not count; bit 1024 of a controller's status"

@@ -55,5 +55,5 @@ def of_motor(fit: Fit | None = None, **more: Any) -> Any:
         replay_rule=COLUMNS_REPLAY_RULE,
     )
     return SimpleNamespace(
-        known=known, fit=fit, **{"model": MODEL, "logs": (), "left_out": (), "offsets": None, **more}
+        identification=known, fit=fit, **{"model": MODEL, "logs": (), "left_out": (), "offsets": None, **more}
     )

@@ -166,7 +166,7 @@ def test_an_order_has_its_share_of_the_ripple() -> None:
     theta = turned + sum(size / (n * 30) * np.sin(n * turned) for n, size in waves)
     one = part(turning(-30.0, theta=theta), -30.0)
     small, large = Cause(ENCODER, 0.2, 0.1), Cause(COGGING, 0.8, 0.1)
-    found = causes.found_in(one, 24, [small, large])
+    found = causes.order_causes(one, 24, [small, large])
     assert (found.log, found.speed, found.load, found.order) == ("a", 30.0, -0.5, 24)
     assert (found.ripple, found.share) == pytest.approx((0.3 / math.sqrt(2), 0.9), rel=5e-3)
     assert found.causes == (large, small) and found.measured == 0.0
@@ -178,7 +178,7 @@ def test_an_error_of_the_encoder_is_measurement_and_moves_the_rotor_by_the_contr
     moved = replace(
         part(turning(30.0, theta=turned - 5e-3 * np.sin(2 * turned)), 30.0), error={2: complex(0.0, -0.01)}
     )
-    found = causes.found_in(moved, 2, [Cause(ENCODER, 0.9, 0.1), Cause(COGGING, 0.1, 0.1)])
+    found = causes.order_causes(moved, 2, [Cause(ENCODER, 0.9, 0.1), Cause(COGGING, 0.1, 0.1)])
     assert found.measured == pytest.approx(0.8, rel=1e-3)
     assert found.ripple == pytest.approx(60 * math.hypot(0.01, 5e-3) / math.sqrt(2), rel=1e-3)
     assert [(cause.name, cause.share) for cause in found.causes] == [

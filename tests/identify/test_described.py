@@ -212,7 +212,7 @@ def test_logs_of_a_known_law_and_reference_are_replayed(known: Identification) -
     assert replayable(made) == logs
     assert list(study(made)["scenario"]) == ["slow", "fast"] and study(made)["controller"] == PI
     nothing = known.model_copy(update={"controller": {}})
-    assert replayable(replace(made, known=nothing)) == []
+    assert replayable(replace(made, identification=nothing)) == []
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from cogless import cli
 from cogless.cli.logs import _print_remarks
 from cogless.errors import StudyError
 from cogless.identify import diagnosis, plan, speed_alone
-from cogless.identify.causes import Cause, Found, candidates
+from cogless.identify.causes import Cause, OrderCauses, candidates
 from cogless.identify.diagnosis import Diagnosis
 from cogless.identify.voltage import Agreement
 from cogless.run.simulate import rollout
@@ -128,7 +128,7 @@ def of(wrong: str) -> Diagnosis:
 
 def cause_of(made: Diagnosis, log: str, order: int) -> tuple[str, str]:
     """The first cause of an order, and how sure it is."""
-    (found,) = [each for each in made.found if each.log == f"{log}.npz" and each.order == order]
+    (found,) = [each for each in made.orders if each.log == f"{log}.npz" and each.order == order]
     return found.causes[0].name, found.confidence
 
 
@@ -175,7 +175,7 @@ def test_an_order_of_the_pole_pairs_is_open_until_the_bridge_is_off(tmp_path):
     logs = {name: logs[name] for name in ("slow", "sweep")}
     made = diagnose(tmp_path, text, logs)
     assert cause_of(made, "slow", 7) == ("cogging or current offset", "cannot be told apart")
-    assert any("record currents with the bridge off" in line for line in made.said)
+    assert any("record currents with the bridge off" in line for line in made.remarks)
     off = {"t": logs["slow"]["t"], "theta": logs["slow"]["theta"]}
     off |= {name: np.full(len(off["t"]), o) for name, o in zip(("i_a", "i_b", "i_c"), OFFSETS, strict=True)}
     (tmp_path / "again").mkdir()
@@ -189,24 +189,24 @@ def test_cogging_of_order_6p_is_not_told_from_ripple_of_k_t_without_loads(tmp_pa
     name, confidence = cause_of(made, "drives", 42)
     assert (name, confidence) == ("cogging or K_t ripple or dead time or encoder", "cannot be told apart")
     cure = "record logs with loads of both signs, and an acceleration log."
-    assert f"Order 42: K_t ripple and cogging cannot be told apart; {cure}" in made.said
+    assert f"Order 42: K_t ripple and cogging cannot be told apart; {cure}" in made.remarks
 
 
 def test_without_references_dead_time_is_said_to_be_open(tmp_path):
     text, logs = played("dead time")
     without = {n: {k: x for k, x in logs[n].items() if k != "i_q_ref"} for n in ("slow", "drives", "brakes")}
     made = diagnose(tmp_path, text, without)
-    assert not any(cause.name == "dead time" for each in made.found for cause in each.causes)
-    assert any("record the current's reference as i_q_ref" in line for line in made.said)
+    assert not any(cause.name == "dead time" for each in made.orders for cause in each.causes)
+    assert any("record the current's reference as i_q_ref" in line for line in made.remarks)
 
 
 def test_speed_alone_says_what_it_can(tmp_path):
     text, logs = played("cogging")
     alone = {name: {key: logs[name][key] for key in ("t", "omega")} for name in ("slow", "fast")}
     made = diagnose(tmp_path, text, alone)
-    assert next(each.order for each in made.found if each.log == "slow.npz") == 12
-    assert any("no angle" in line for line in made.said)
-    assert any("no current" in line for line in made.said)
+    assert next(each.order for each in made.orders if each.log == "slow.npz") == 12
+    assert any("no angle" in line for line in made.remarks)
+    assert any("no current" in line for line in made.remarks)
     eccentric = {
         name: {key: played("encoder")[1][name][key] for key in ("t", "omega")} for name in ("slow", "fast")
     }
@@ -247,7 +247,7 @@ def test_the_command_in_eighty_columns(tmp_path, monkeypatch):
 
 
 def said_of_k_t(made: Diagnosis) -> str:
-    (said,) = [line for line in made.said if line.startswith("The voltage says K_t = 0.0")]
+    (said,) = [line for line in made.remarks if line.startswith("The voltage says K_t = 0.0")]
     return said
 
 
@@ -282,11 +282,11 @@ def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
 
 
 def test_the_voltage_tells_a_current_in_rms(tmp_path):
-    assert not any("rms amperes" in line for line in of("cogging").said)
+    assert not any("rms amperes" in line for line in of("cogging").remarks)
     text, logs = played("cogging")
     steady = {name: log for name, log in logs.items() if name != "sweep"}
     rms = {name: {**log, "i_q": log["i_q"] / math.sqrt(2)} for name, log in steady.items()}
-    (said,) = [line for line in diagnose(tmp_path, text, rms).said if "rms amperes" in line]
+    (said,) = [line for line in diagnose(tmp_path, text, rms).remarks if "rms amperes" in line]
     assert said.startswith("The voltage says R = 7.")
     assert said.endswith(
         "ohm, sqrt(2) times that of the file of columns (5): i_q is in rms amperes, which makes all torques "
@@ -301,8 +301,8 @@ def test_logs_that_never_turn_steadily_are_refused(tmp_path):
         diagnose(tmp_path, text, short)
 
 
-def order_at(order: int, speed: float, *causes: Cause) -> Found:
-    return Found(
+def order_at(order: int, speed: float, *causes: Cause) -> OrderCauses:
+    return OrderCauses(
         log=f"{speed:g}.npz",
         speed=speed,
         load=0.1,

@@ -143,7 +143,7 @@ def test_a_column_in_a_wrong_unit_is_refused_and_its_cure_gives_the_right_log(
     wrong = factors(name, **by)
     with pytest.raises(AdvisedError) as caught:
         estimated(tmp_path, name, wrong)
-    line = next(line for line in caught.value.lines if isinstance(line, Advice) and said in line)
+    line = next(line for line in caught.value.mistakes if isinstance(line, Advice) and said in line)
     assert "\n" not in line
     cure = next(cure for cure in line.cures if cure.keys() == keys)
     true, cured = loaded(tmp_path, name, right(name)), loaded(tmp_path, name, wrong, cure)
@@ -158,7 +158,7 @@ def test_the_values_of_a_cured_log_are_right(tmp_path: Path, case: str) -> None:
     by, said, _ = cases("servo")[case]
     with pytest.raises(AdvisedError) as caught:
         estimated(tmp_path, "servo", factors("servo", **by))
-    (cure,) = (cure for line in advice_of(caught.value.lines) if said in line for cure in line.cures)
+    (cure,) = (cure for line in advice_of(caught.value.mistakes) if said in line for cure in line.cures)
     told = estimated(tmp_path, "servo", factors("servo", **by), cure)
     plant = PLANTS["servo"]
     assert told.values["j"].value * plant.K_t == pytest.approx(plant.J, rel=0.01)

@@ -278,7 +278,7 @@ def test_a_log_with_times_of_day_is_that_in_seconds(tmp_path):
     (tmp_path / "id.toml").write_text(ID)
     with pytest.raises(AdvisedError) as caught:
         load_logs([path], config.load(tmp_path / "id.toml"))
-    (advice,) = caught.value.lines
+    (advice,) = caught.value.mistakes
     assert advice == (
         f"{path}: ms: times of day, which become seconds: expected columns.t without unit, sign and scale"
     )
@@ -353,7 +353,7 @@ def refused(folder, name, columns):
     """What is said of a log with these columns, and the changes that it advises."""
     with pytest.raises(AdvisedError) as caught:
         logs(folder, name, columns)
-    (advice,) = caught.value.lines
+    (advice,) = caught.value.mistakes
     return advice.removeprefix(f"{folder / name}: "), advice.cures
 
 
@@ -398,7 +398,7 @@ def test_a_column_is_that_of_the_files_that_have_it(tmp_path):
     np.savez(paths[1], **{key: x for key, x in COLUMNS.items() if key != "current"})
     with pytest.raises(AdvisedError) as caught:
         load_logs(paths, known(tmp_path))
-    (advice,) = caught.value.lines
+    (advice,) = caught.value.mistakes
     assert advice == (
         f'{paths[1]}: no column "current" (i_q); it has "ms", "counts": expected in columns a heading that '
         'the file has, or columns.i_q.files = ["a[[]1].npz"]'
@@ -408,7 +408,7 @@ def test_a_column_is_that_of_the_files_that_have_it(tmp_path):
     narrow = known(tmp_path, 'name = "current", ', 'name = "current", files = "c*", ')
     with pytest.raises(AdvisedError) as caught:
         load_logs(paths, narrow)
-    (advice,) = caught.value.lines
+    (advice,) = caught.value.mistakes
     assert advice == (
         f'{paths[0]}: it has the column "current" (i_q), and columns.i_q.files does not name it: expected '
         "the files that have the column"

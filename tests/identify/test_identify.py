@@ -128,13 +128,13 @@ def test_an_error_of_the_encoder_that_the_file_tells_is_always_told(found):
 def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsal(
     doubtful, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(command, "estimate", lambda *of: None)
+    monkeypatch.setattr(command, "estimate_motor", lambda *of: None)
     monkeypatch.setattr(command, "refined", lambda *of: (doubtful, {}))
     monkeypatch.setattr(command, "load_logs", lambda *of: [])
     (tmp_path / "id.toml").write_text(commissioned("servo", late=1)[0])
     made = command.identified([], tmp_path / "id.toml", lambda *of: None).estimate
     assert [wave.order for wave in made.cogging] == [6]
-    monkeypatch.setattr(rehearsal, "estimate", lambda *of: doubtful)
+    monkeypatch.setattr(rehearsal, "estimate_motor", lambda *of: doubtful)
     monkeypatch.setattr(rehearsal, "load_logs", lambda *of: [])
     monkeypatch.setattr(rehearsal, "_under", lambda law, folder: (load(servo), None))
     monkeypatch.setattr(rehearsal, "write_netcdf", lambda *of: None)

@@ -22,7 +22,7 @@ from identify.commissioned import write
 
 from cogless.identify import command, config, diagnosis, findings, plan, voltage
 from cogless.identify.advice import Advice, AdvisedError, advice_of, changed
-from cogless.identify.estimate import CURE_LOGS, CURES, estimate, not_told_apart
+from cogless.identify.estimate import CURE_LOGS, CURES, estimate_motor, not_told_apart
 from cogless.identify.log import load_logs
 from cogless.identify.result import Estimate, Value, Wave
 from cogless.identify.sessions import sentences, sessions
@@ -41,7 +41,7 @@ def identified(logs: Logs, tables: Mapping[str, Any] | None = None) -> Estimate:
     folder = Path(mkdtemp())
     paths = write(folder, plan.text(dict(tables or bench.columns())), logs)
     known = config.load(folder / "id.toml")
-    return command.standing_out(estimate(known, load_logs(paths, known), lambda what, share: None))
+    return command.standing_out(estimate_motor(known, load_logs(paths, known), lambda what, share: None))
 
 
 def said(logs: Logs, tables: Mapping[str, Any] | None = None) -> tuple[list[str], Estimate | None]:
@@ -49,7 +49,7 @@ def said(logs: Logs, tables: Mapping[str, Any] | None = None) -> tuple[list[str]
     try:
         made = identified(logs, tables)
     except AdvisedError as error:
-        return list(error.lines), None
+        return list(error.mistakes), None
     return [*made.left_out, *made.remarks], made
 
 
@@ -289,7 +289,7 @@ def test_sessions_that_differ_are_right_by_themselves() -> None:
     folder = Path(mkdtemp())
     paths = write(folder, plan.text(tables), logs)
     known = config.load(folder / "id.toml")
-    both = sessions(estimate(known, load_logs(paths, known), lambda *of: None))
+    both = sessions(estimate_motor(known, load_logs(paths, known), lambda *of: None))
     (again,) = [line for line in sentences(both) if "friction" in line]
     assert isinstance(again, Advice)
     assert {cure["record.session"] for cure in again.cures} == set(frictions)
@@ -428,7 +428,7 @@ def test_a_unit_that_does_not_fit_is_the_one_that_is_advised(
     paths = write(folder, plan.text(bench.columns()), logs)
     with pytest.raises(AdvisedError) as error:
         load_logs(paths, config.load(folder / "id.toml"))
-    (line,) = error.value.lines
+    (line,) = error.value.mistakes
     assert isinstance(line, Advice)
     cure = next(cure for cure in line.cures if key in cure)
     assert cure[key] == pytest.approx(value) if isinstance(value, float) else cure[key] == value
@@ -495,7 +495,7 @@ def test_what_the_voltage_says_of_k_t_holds_the_truth(shape: str) -> None:
     folder = Path(mkdtemp())
     paths = write(folder, plan.text(tables), logs)
     known = config.load(folder / "id.toml")
-    told = voltage.told(known, load_logs(paths, known))
+    told = voltage.constants_from_voltage(known, load_logs(paths, known))
     assert told is not None
     assert abs(told[0].value - bench.K_T) < told[0].error < 0.25 * bench.K_T
 
@@ -513,7 +513,7 @@ def test_rms_amperes_are_told_by_the_phases_and_scaled() -> None:
     paths = write(folder, plan.text(bench.columns()), logs)
     with pytest.raises(AdvisedError) as error:
         load_logs(paths, config.load(folder / "id.toml"))
-    (line,) = error.value.lines
+    (line,) = error.value.mistakes
     assert isinstance(line, Advice)
     _, made = said(logs, changed(bench.columns(), line.cures[0]))
     assert inertia_off(made) < 0.02
@@ -544,11 +544,11 @@ def diagnosed(logs: Logs) -> diagnosis.Diagnosis:
 )
 def test_a_signal_that_a_diagnosis_asks_for_tells_the_cause(signal: str, case: str, cause: str) -> None:
     logs = of_case(case, *ALL_LOGS)
-    lines = diagnosed(without(logs, signal)).said
+    lines = diagnosed(without(logs, signal)).remarks
     asked = [line for line in advice_of(lines) if line.cures[0].get("record.signal") == signal]
     assert asked
     made = diagnosed(logs)
-    assert not {words(line) for line in asked} & set(map(words, made.said))
+    assert not {words(line) for line in asked} & set(map(words, made.remarks))
     assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}, ")
 
 
@@ -561,9 +561,9 @@ def test_a_third_speed_tells_a_vibration_from_orders_that_meet() -> None:
         return {"t": t, "theta": theta, "omega": np.gradient(theta, t)}
 
     two = {"one": swinging(1.0), "two": swinging(2.0)}
-    (line,) = [line for line in advice_of(diagnosed(two).said) if "record a third speed" in line]
+    (line,) = [line for line in advice_of(diagnosed(two).remarks) if "record a third speed" in line]
     assert line.cures == ({"record.kind": ("constant-speed",)},)
-    three = diagnosed({**two, "three": swinging(3.0)}).said
+    three = diagnosed({**two, "three": swinging(3.0)}).remarks
     assert words(line) not in map(words, three)
     assert any(
         "24 Hz is" in said and "which swing at this frequency, or the supply" in said for said in three
@@ -572,7 +572,7 @@ def test_a_third_speed_tells_a_vibration_from_orders_that_meet() -> None:
 
 def test_an_order_that_grows_with_speed_is_told_by_the_current() -> None:
     logs = of_case("encoder", "odd", "fast", "slow", "sweep")
-    lines = diagnosed(without(logs, "i_q")).said
+    lines = diagnosed(without(logs, "i_q")).remarks
     grows = [line for line in advice_of(lines) if " grows from " in line]
     assert grows and all(line.cures == ({"record.signal": "i_q"},) for line in grows)
     made = diagnosed(logs)
@@ -583,7 +583,7 @@ def test_a_log_at_a_steady_speed_is_what_a_diagnosis_needs() -> None:
     logs = {"sweep": {key: x[:700] for key, x in bench.logs()["cogging"]["sweep"].items()}}
     with pytest.raises(AdvisedError) as error:
         diagnosed(logs)
-    line = error.value.lines[-1]
+    line = error.value.mistakes[-1]
     assert isinstance(line, Advice)
     made = diagnosed({**logs, **recorded(line.cures[0], "cogging")})
     assert set(made.whole) == {"both.npz"} and set(made.uses) == {"sweep.npz"}

@@ -73,9 +73,9 @@ def test_the_only_cause_has_nine_tenths_of_the_ripple_or_more(
     assert told[cause] > 0.9
     assert sum(told.values()) == pytest.approx(1, abs=0.02)
     assert sum(share for name, share in told.items() if name != cause and " or " not in name) < 0.05
-    large = {each.order for each in made.found if each.share > 0.2}
+    large = {each.order for each in made.orders if each.share > 0.2}
     assert large == orders
-    assert {each.confidence for each in made.found if each.share > 0.2} == {"sure"}
+    assert {each.confidence for each in made.orders if each.share > 0.2} == {"sure"}
 
 
 @pytest.mark.parametrize("case", ["cogging", "neighbours", "encoder", "encoder 2p", "offset", "gain"])
@@ -98,7 +98,7 @@ def test_the_ripple_is_the_rotor_s_own(case: str, log: str) -> None:
 def test_neighbouring_orders_have_a_half_of_the_ripple() -> None:
     """Both torques are equal. The expected waves are least squares on the plant's true speed."""
     made, signals = whole("neighbours"), bench.logs()["neighbours"]["drives"]
-    found = {each.order: each for each in made.of("drives.npz")}
+    found = {each.order: each for each in made.orders_of("drives.npz")}
     theta, omega = signals["theta"][1000:], signals["true_omega"][1000:]
     waves = np.exp(1j * np.outer(theta, (9, 10)))
     columns = np.hstack([waves.real, waves.imag, np.ones((len(theta), 1))])
@@ -110,8 +110,8 @@ def test_neighbouring_orders_have_a_half_of_the_ripple() -> None:
 
 def test_an_error_of_order_2p_is_no_torque_and_no_slipped_index() -> None:
     made = whole("encoder 2p")
-    assert not any("index" in line or "cannot be told apart" in line for line in made.said)
-    for each in made.found:
+    assert not any("index" in line or "cannot be told apart" in line for line in made.remarks)
+    for each in made.orders:
         if each.share < 0.01:
             continue
         (cause, *_) = each.causes
@@ -121,14 +121,14 @@ def test_an_error_of_order_2p_is_no_torque_and_no_slipped_index() -> None:
 def test_one_speed_does_not_tell_an_error_of_order_2p_and_says_so() -> None:
     """The advised logs, a second speed and an acceleration, decide."""
     made = diagnosed(of_case("encoder 2p", "fast"))
-    (each,) = [each for each in made.found if each.share > 0.1]
+    (each,) = [each for each in made.orders if each.share > 0.1]
     assert each.causes[0].name == "cogging or current gain or encoder"
     assert each.confidence == "cannot be told apart"
-    (said,) = [line for line in advice_of(made.said) if line.startswith("Order 10: one speed cannot tell")]
+    (said,) = [line for line in advice_of(made.remarks) if line.startswith("Order 10: one speed cannot tell")]
     assert said.cures == ({"record.kind": ("constant-speed", "acceleration")},)
     again = diagnosed(of_case("encoder 2p", "fast", "drives", "sweep", "slow"))
-    assert not any("one speed cannot tell" in line for line in again.said)
-    assert {each.causes[0].name for each in again.found if each.share > 0.1} == {"encoder"}
+    assert not any("one speed cannot tell" in line for line in again.remarks)
+    assert {each.causes[0].name for each in again.orders if each.share > 0.1} == {"encoder"}
 
 
 @pytest.mark.parametrize(("log", "cause"), [
@@ -143,21 +143,21 @@ def test_an_order_beyond_the_rows_is_not_called_absent(log: str, cause: str) -> 
     assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}, which ")
     assert made.causes(f"{log}.npz")[cause] > 0.9
     speed = bench.RUNS[log].points[0][1] / bench.TURN
-    (said,) = [line for line in advice_of(made.said) if "cannot be seen" in line]
+    (said,) = [line for line in advice_of(made.remarks) if "cannot be seen" in line]
     assert f"its rows show orders up to {math.floor(100 / speed / 2)} at {speed:.3g} rev/s" in said
     assert "90 of this motor cannot be seen" in said and "absent" not in said
     rate = said.cures[0]["record.rate"]
     assert 1000 // math.ceil(rate) >= 2
     more = {log: {key: x[:: 1000 // math.ceil(rate)] for key, x in bench.logs()["beyond"][log].items()}}
     again = diagnosed(more)
-    assert not any("cannot be seen: its wave" in line for line in again.said)
-    (each,) = [each for each in again.found if each.share > 0.5]
+    assert not any("cannot be seen: its wave" in line for line in again.remarks)
+    (each,) = [each for each in again.orders if each.share > 0.5]
     assert each.order == 90
     slower = bench.steady(said.cures[1]["record.speed"] / bench.TURN, 6.0)
     (turned,) = bench.simulated([(bench.CASES["beyond"], slower)])
     slow = diagnosed({log: {key: x[::every] for key, x in turned.items()}})
-    assert not any("cannot be seen: its wave" in line for line in slow.said)
-    assert max(slow.found, key=lambda found: found.share).order == 90
+    assert not any("cannot be seen: its wave" in line for line in slow.remarks)
+    assert max(slow.orders, key=lambda found: found.share).order == 90
     assert again.whole[f"{log}.npz"] == pytest.approx(
         np.std(bench.logs()["beyond"][log]["true_omega"][500:]), rel=0.1
     )
@@ -183,7 +183,7 @@ def test_an_eccentric_log_is_steady_and_every_log_has_its_line() -> None:
     eccentric = {"t": t, "theta": np.floor(theta / step) * step, "omega": np.gradient(theta, t)}
     logs = {**of_case("cogging"), "eccentric": eccentric, "off": bench.phase_offsets("cogging")}
     made = diagnosed(logs)
-    assert {each.order for each in made.of("eccentric.npz") if each.share > 0.1} == {1}
+    assert {each.order for each in made.orders_of("eccentric.npz") if each.share > 0.1} == {1}
     assert set(made.whole) | set(made.uses) == {f"{name}.npz" for name in logs}
     assert set(made.uses) == {"sweep.npz", "off.npz"}
     printed = diagnosis.lines(made)
@@ -233,7 +233,7 @@ def test_a_real_motor_of_18_slots_and_24_poles_has_multiples_of_6_alone() -> Non
     logs = [folder / "acceleration.npz", folder / "speed.csv.gz"]
     made = diagnosis.diagnosed(logs, folder / "id.toml", lambda what, share: None)
     for part in ("speed.csv.gz#0", "speed.csv.gz#1"):
-        orders = [each.order for each in made.of(part) if each.share > 0.01]
+        orders = [each.order for each in made.orders_of(part) if each.share > 0.01]
         assert orders[0] == 72
         assert {order % 6 for order in orders} == {0}, (part, orders)
-    assert {each.order for each in made.of("speed.csv.gz#0") if each.share > 0.01} >= {72, 144, 36}
+    assert {each.order for each in made.orders_of("speed.csv.gz#0") if each.share > 0.01} >= {72, 144, 36}

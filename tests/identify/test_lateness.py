@@ -12,7 +12,16 @@ from identify.commissioned import METRIC, MOTORS, PI
 
 from cogless.identify import lateness as room
 from cogless.identify.config import LogRule
-from cogless.identify.lateness import NOTHING, Profile, _changes, _filters, _motion, _part, _profile, lateness
+from cogless.identify.lateness import (
+    NO_VALUE,
+    Profile,
+    _changes,
+    _filters,
+    _motion,
+    _part,
+    _profile,
+    lateness,
+)
 from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.results.trace import Trace
@@ -59,7 +68,7 @@ def test_the_delay_is_found_within_the_law_s_period(late):
     """Simulated with an inertia that is 0.5 % off, as an estimate may be."""
     made = lateness([log(trace("8e-5 kg*m^2"), late)], {"one": trace("8.04e-5 kg*m^2")}, BANDWIDTH, 1e-3)
     found = made.delay
-    assert found is not None and not made.said
+    assert found is not None and not made.remark
     assert found.value == pytest.approx(late * 1e-4, abs=max(5e-5, found.error))
     assert found.error < 5e-4  # half a period, which is all that torques tell
 
@@ -82,7 +91,7 @@ def test_a_dead_time_that_nobody_typed_in_leaves_the_delay_as_it_is():
     assert misled is not None and abs(misled.value - late * 1e-4) > 3e-5
     made = lateness(of, simulated, BANDWIDTH, 1e-3, {"one": trace("8e-5 kg*m^2", dead_time=200)})
     found = made.delay
-    assert found is not None and not made.said
+    assert found is not None and not made.remark
     assert found.value == pytest.approx(late * 1e-4, abs=min(3e-5, found.error))
     assert 200 * made.part.value == pytest.approx(300, rel=0.1)  # ns: it is told, too
 
@@ -117,7 +126,7 @@ def test_another_law_tells_no_delay_and_is_told():
         [log(trace("8e-5 kg*m^2"), 3)], {"one": trace("8e-5 kg*m^2", law="softer")}, BANDWIDTH, 1e-3
     )
     assert made.delay is None
-    assert made.said.startswith("one: i_q does not follow the angle as under the described controller")
+    assert made.remark.startswith("one: i_q does not follow the angle as under the described controller")
 
 
 def of_parts(*told: tuple[list[float], float]) -> Value:
@@ -137,7 +146,7 @@ def test_a_part_of_the_dead_time_is_known_to_two_standard_errors():
     delayed = of_parts(([0.0, 1.0], 100))
     assert (delayed.value, delayed.error) == pytest.approx((0.4, np.hypot(0.2, 0.1)))
     assert of_parts(([0.5, 0.5], 0.25)).value == pytest.approx(0.5)
-    assert of_parts(([0.0, 1.0], 0)) == NOTHING == Value(0.0, 0.0)
+    assert of_parts(([0.0, 1.0], 0)) == NO_VALUE == Value(0.0, 0.0)
 
 
 # Delays that are likely, from profiles by hand: parabolas around a delay, 0.1 ms wide
@@ -210,7 +219,7 @@ def test_a_log_of_another_law_is_left_out_and_told_where_no_other_is(monkeypatch
     like, unlike, worse = around(4.05e-4, misfit=0.1), around(0.0, misfit=0.114), around(0.0, misfit=0.5)
     assert told(monkeypatch, worse, like, unlike)[0] == told(monkeypatch, like)[0]
     none = told(monkeypatch, worse, unlike)[0]
-    assert none.delay is None and none.said == (
+    assert none.delay is None and none.remark == (
         "log 1: i_q does not follow the angle as under the described controller (11 % differs), so the delay "
         "is known only to half a period of the law: its gains, or the drive's rates, filter or "
         "bandwidth, are others than described."

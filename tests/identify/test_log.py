@@ -481,15 +481,15 @@ def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
     middle = x[24:-24]
     width = float(kernel.value @ ((np.arange(49) - 24) * 1e-3) ** 2)
     assert width == pytest.approx(6e-3**2, rel=2e-3)
-    assert kernel.of(signal, kernel.value, 1) == pytest.approx(2 + 3 * middle + 4 * (middle**2 + width))
-    assert kernel.of(signal, kernel.slope, 1) == pytest.approx(3 + 8 * middle)
-    assert kernel.of(signal, kernel.curvature, 1) == pytest.approx(8.0 + 0 * middle)
+    assert kernel.filter(signal, kernel.value, 1) == pytest.approx(2 + 3 * middle + 4 * (middle**2 + width))
+    assert kernel.filter(signal, kernel.slope, 1) == pytest.approx(3 + 8 * middle)
+    assert kernel.filter(signal, kernel.curvature, 1) == pytest.approx(8.0 + 0 * middle)
     before = x[27:-27] - 2.5e-3
-    assert late.of(signal, late.speed, 1) == pytest.approx(3 + 8 * before, abs=1e-3)
-    assert late.of(signal, late.acceleration, 1) == pytest.approx(8.0 + 0 * before)
+    assert late.filter(signal, late.speed, 1) == pytest.approx(3 + 8 * before, abs=1e-3)
+    assert late.filter(signal, late.acceleration, 1) == pytest.approx(8.0 + 0 * before)
     for step in (2, 5, 7):
-        assert kernel.of(signal, kernel.slope, step) == pytest.approx(
-            kernel.of(signal, kernel.slope, 1)[::step]
+        assert kernel.filter(signal, kernel.slope, step) == pytest.approx(
+            kernel.filter(signal, kernel.slope, 1)[::step]
         )
 
 

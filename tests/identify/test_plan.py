@@ -99,13 +99,13 @@ def test_a_plan_of_a_stepper_by_hand(logs):
     around = 2 * 2 * v * 1.2e-5 / 23e-3  # s, by the torques of both orders
     turns = [[0.4 * n + late, (-1) ** n * 2 * v] for n in range(16) for late in (around, 0.4)]
     assert found["acceleration"] == pytest.approx(np.array([[0, 0], *turns]), rel=1e-5)
-    assert rate == plan._rate(10e3, 300 * 2 * v) > plan.RATE
+    assert rate == plan._rate(10e3, 300 * 2 * v) > plan.LOG_RATE
 
 
 def test_no_planned_log_of_a_stepper_sticks(logs):
     known = config.load(logs / "id.toml")
     used, said = usable(known, load_logs([logs / "traces.nc"], known))
-    assert len(used) == len(plan.KINDS) and not said
+    assert len(used) == len(plan.SCENARIO_KINDS) and not said
 
 
 def test_a_stepper_comes_out_of_its_planned_logs(logs):
@@ -188,7 +188,7 @@ def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
     low = tops(planned(tmp_path, servo(), 15))
     top = max(low.values())
     psi_f = 0.3 / (1.5 * 4)
-    i = (30e-3 + 1e-3 * top + 5e-4 * 2 * top / plan.TURNING) / 0.3
+    i = (30e-3 + 1e-3 * top + 5e-4 * 2 * top / plan.REVERSAL_TIME) / 0.3
     u = math.hypot(0.8 * i + 4 * top * psi_f, 4 * top * 2e-3 * i)
     assert u == pytest.approx(15 / math.sqrt(3), rel=1e-4)
     assert low["fast"] == pytest.approx(3 * low["one-speed"], rel=1e-4)

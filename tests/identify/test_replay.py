@@ -19,8 +19,8 @@ from cogless.identify.lateness import Lateness
 from cogless.identify.log import Log
 from cogless.identify.replay import (
     _bandwidth,
-    _kept,
     _likely,
+    _log_signals,
     _more,
     _rate,
     _said_of_dead_time,
@@ -79,7 +79,7 @@ def known(**more: Any) -> Any:
     """As much of an estimate as a replay asks for."""
     motor, rates = SimpleNamespace(pole_pairs=4), SimpleNamespace(current_loop=10e3)
     given = {"motor": motor, "step": 2e-3, "angle_offset": None, "drive": SimpleNamespace(rates=rates)}
-    return SimpleNamespace(known=SimpleNamespace(**{**given, **more}))
+    return SimpleNamespace(identification=SimpleNamespace(**{**given, **more}))
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_rows_of_a_trace_are_those_of_the_log_and_some_between(dt, rate):
 
 def test_a_drive_s_current_loop_has_its_bandwidth():
     study = MOTORS["gimbal"]
-    made = SimpleNamespace(known=SimpleNamespace(
+    made = SimpleNamespace(identification=SimpleNamespace(
         motor=Motor.model_validate(study["motor"]), drive=Drive.model_validate(study["drive"])
     ))  # fmt: skip
     assert _bandwidth(made) == pytest.approx(2 * np.pi * 500)
@@ -139,7 +139,7 @@ def trace_with(error: float) -> Trace:
 
 
 def test_a_trace_keeps_the_signals_that_a_log_has():
-    kept = _kept(trace_with(0.0))
+    kept = _log_signals(trace_with(0.0))
     assert kept.names == ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")
     assert kept.units == ("s", "rad", "rad", "rad/s", "A", "A")
     for name in kept.names:
@@ -169,7 +169,7 @@ LATE = Value(1e-3, 1e-5)
 
 
 def first_estimate(*logs: Log, **more: Any) -> Estimate:
-    known: Any = of_motor().known
+    known: Any = of_motor().identification
     known.drive = Drive.model_validate(drive_tables())
     empty = Estimate(known, logs, {}, (), (), (), {}, (), (), MODEL, (), fit_of({("j",): 1e-3}))
     return replace(empty, **{"values": {"j": Value(1e-3, 1e-5)}, **more})
@@ -212,7 +212,7 @@ def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_
         (f"simulation {n} of 2{more}", 0.5) for n in (1, 2) for more in ("", " with more dead time")
     ]
     assert found.values["delay"] == LATE
-    steps["told"] = [Lateness(None, said="Another law.")]
+    steps["told"] = [Lateness(None, remark="Another law.")]
     other = replay.refined(made, lambda *of: None)[0]
     assert other.remarks == ("Another law.",) and other.values == made.values  # as they were
 
@@ -270,7 +270,7 @@ def test_a_simulation_s_truth_is_what_it_is_made_of():
     }
     expected |= {(*name, part): value for name, of in sizes.items() for part, value in of.items()}
     assert replay._truth(made) == expected
-    made.known.drive = Drive.model_validate({**drive_tables(), "position_sensor": {"kind": "ideal"}})
+    made.identification.drive = Drive.model_validate({**drive_tables(), "position_sensor": {"kind": "ideal"}})
     assert replay._truth(made) == expected | {("encoder", 1, part): 0.0 for part in "cs"}
 
 
@@ -279,7 +279,7 @@ def test_a_log_is_played_by_its_own_law_with_rows_that_divide_the_loop_s(monkeyp
     logs = [turning(1.0), replace(turning(1.0), name="odd", dt=1.7e-4), replace(turning(1.0), name="b.csv")]
     logs[2] = replace(logs[2], rule=LogRule(file="*", controller="mine"))
     made = first_estimate(*logs)
-    made.known.path = "id.toml"
+    made.identification.path = "id.toml"
     scenarios = {name: {"duration": name} for name in ("a", "odd", "b")}
     tables = {"drive": drive_tables(), "scenario": scenarios, "metric": ["x"]}
     monkeypatch.setattr(replay.described, "replayable", lambda made: logs)

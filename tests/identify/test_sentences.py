@@ -20,7 +20,7 @@ from cogless.errors import StudyError
 from cogless.identify import config, described, diagnosis, findings, plan, speed_alone, write
 from cogless.identify.advice import Advice
 from cogless.identify.balance import Rows
-from cogless.identify.causes import Cause, Found
+from cogless.identify.causes import Cause, OrderCauses
 from cogless.identify.command import Identified, lines
 from cogless.identify.config import Identification, LogRule
 from cogless.identify.diagnosis import Diagnosis
@@ -81,8 +81,8 @@ def wave(order: int, size: float, error: float = 0.0, phase: float = 0.0) -> Wav
     ],
 )
 def test_a_value_has_the_digits_that_its_error_leaves(value: float, error: float, text: str) -> None:
-    assert write.shown(Value(value, error), "A") == text
-    assert write.shown(Value(value, error)) == text.removesuffix(" A")
+    assert write.value_text(Value(value, error), "A") == text
+    assert write.value_text(Value(value, error)) == text.removesuffix(" A")
 
 
 def test_a_wave_of_its_parts() -> None:
@@ -461,8 +461,8 @@ def test_sessions_differ_where_their_errors_do_not_reach() -> None:
 
 def order_at(
     order: int, speed: float, *causes: Cause, ripple: float = 0.5, share: float = 0.9, load: float = 0.1
-) -> Found:
-    return Found(
+) -> OrderCauses:
+    return OrderCauses(
         log=f"{speed:g}.npz",
         speed=speed,
         load=load,
@@ -573,7 +573,7 @@ def test_a_diagnosis_is_read_from_the_answer_down() -> None:
 
 
 def test_the_answer_has_a_span_where_logs_differ() -> None:
-    def told(*found: Found) -> str:
+    def told(*found: OrderCauses) -> str:
         return diagnosis.answer(Diagnosis("x", found, {each.log: 1.0 for each in found}, ()))
 
     told_apart = order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.6)
@@ -689,11 +689,11 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
         asked.append([one.name for one in logs])
         if told is None:
             raise StudyError("No.\nNever.")
-        return replace(told, known=known, logs=tuple(log for log in logs if "i_q" in log))
+        return replace(told, identification=known, logs=tuple(log for log in logs if "i_q" in log))
 
     monkeypatch.setattr(diagnosis.config, "load", lambda path: known)
     monkeypatch.setattr(diagnosis, "load_logs", lambda paths, known: logs)
-    monkeypatch.setattr(diagnosis, "estimate", estimated)
+    monkeypatch.setattr(diagnosis, "estimate_motor", estimated)
     monkeypatch.setattr(
         diagnosis, "attributed", lambda made, parts: [replace(order_at(24, 1.0), log="whole")]
     )
@@ -706,16 +706,18 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
     told: Any = model
     made = diagnosed()
     assert asked == [["whole", "held", "off", "blind-off", "short"]]
-    assert set(made.whole) == {"whole", "off", "torqueless", "blind"} and len(made.found) == 1
-    assert made.said[:2] == ("Left.", "Remark.") and made.title == known.title
-    reference = [line for line in made.said if line.startswith("Dead time disturbs the current at order 24")]
+    assert set(made.whole) == {"whole", "off", "torqueless", "blind"} and len(made.orders) == 1
+    assert made.remarks[:2] == ("Left.", "Remark.") and made.title == known.title
+    reference = [
+        line for line in made.remarks if line.startswith("Dead time disturbs the current at order 24")
+    ]
     assert len(reference) == 1
     assert {"held", "blind-off", "short"} == set(made.uses)
     logs[0] = log("whole", **steady, i_q=0.1, i_q_ref=0.1)
-    assert not any(line.startswith("Dead time disturbs") for line in diagnosed().said)
+    assert not any(line.startswith("Dead time disturbs") for line in diagnosed().remarks)
     told = None
     made = diagnosed()
-    assert made.said[:2] == ("No.", "Never.") and made.found == () and len(made.whole) == 4
+    assert made.remarks[:2] == ("No.", "Never.") and made.orders == () and len(made.whole) == 4
     logs[:] = [log("off", "bridge-off", **steady), log("held", dt=0.0, theta=0.0)]
     asked.clear()
     assert list(diagnosed().whole) == ["off"] and asked == []  # nothing turns by a current
@@ -887,7 +889,7 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     page = diagnosed.render(more)
     assert f"<li>{slow.log}: 0.559 rad/s rms, 69 % of the square of the logged speed" in page
     assert "<li>a: holds the rotor</li>" in page
-    assert "Nothing is left out." in diagnosed.render(replace(made, said=()))
+    assert "Nothing is left out." in diagnosed.render(replace(made, remarks=()))
 
 
 def test_bars_of_an_estimate_are_as_high_as_the_waves(known: Identification) -> None:

@@ -13,7 +13,7 @@ from identify.test_traps import shortened
 
 from cogless.identify import config
 from cogless.identify.balance import LADDER, Rows
-from cogless.identify.estimate import estimate
+from cogless.identify.estimate import estimate_motor
 from cogless.identify.log import load_logs
 from cogless.identify.sessions import sentences, sessions
 
@@ -31,7 +31,7 @@ def test_each_session_has_its_friction(tmp_path):
         text = text.replace(f'file = "{name}.npz"', f'file = "{name}.npz"\nsession = "{session}"')
     paths = write(tmp_path, text, logs)
     known = config.load(tmp_path / "id.toml")
-    made = estimate(known, load_logs(paths, known), lambda what, share: None)
+    made = estimate_motor(known, load_logs(paths, known), lambda what, share: None)
     cold, warm = sessions(made)
     assert (cold.name, warm.name) == ("cold", "warm") and warm.logs == ("fast.npz",)
     apart = warm.values["c"].value - cold.values["c"].value
@@ -45,7 +45,7 @@ def test_without_names_there_are_no_sessions(tmp_path):
     text, logs = shortened()
     paths = write(tmp_path, text, logs)
     known = config.load(tmp_path / "id.toml")
-    assert sessions(estimate(known, load_logs(paths, known), lambda what, share: None)) == ()
+    assert sessions(estimate_motor(known, load_logs(paths, known), lambda what, share: None)) == ()
 
 
 def rows_of_session(name: str, speed: float, friction: float, count: int, seed: int) -> Rows:

@@ -14,7 +14,7 @@ import numpy as np
 from identify.commissioned import write
 
 from cogless.identify import command, config, plan
-from cogless.identify.estimate import estimate
+from cogless.identify.estimate import estimate_motor
 from cogless.identify.log import load_logs
 from cogless.identify.result import Estimate
 from cogless.identify.standing import resolved_angle, standing
@@ -75,8 +75,10 @@ def identified(folder: Path) -> Estimate:
     still = np.diff(written["slow"]["theta"]) == 0
     assert np.mean(still) > 0.3
     paths = write(folder, plan.text(tables), written)
-    known = config.load(folder / "id.toml")
-    return command.standing_out(estimate(known, load_logs(paths, known), lambda what, share: None))
+    identification = config.load(folder / "id.toml")
+    return command.standing_out(
+        estimate_motor(identification, load_logs(paths, identification), lambda what, share: None)
+    )
 
 
 def test_a_rotor_that_stands_in_a_third_of_a_log_tells_its_friction_where_it_slips(tmp_path: Path) -> None:

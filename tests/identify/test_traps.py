@@ -14,7 +14,7 @@ from identify.commissioned import commissioned, write
 from cogless.errors import StudyError
 from cogless.identify import config
 from cogless.identify.command import standing_out
-from cogless.identify.estimate import estimate
+from cogless.identify.estimate import estimate_motor
 from cogless.identify.log import load_logs
 from cogless.identify.result import Estimate
 
@@ -31,7 +31,7 @@ def shortened() -> tuple[str, dict[str, dict[str, np.ndarray]]]:
 def told(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> Estimate:
     paths = write(folder, text, logs)
     known = config.load(folder / "id.toml")
-    return estimate(known, load_logs(paths, known), lambda what, share: None)
+    return estimate_motor(known, load_logs(paths, known), lambda what, share: None)
 
 
 def refused(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> str:

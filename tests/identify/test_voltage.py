@@ -23,16 +23,16 @@ def test_k_t_and_r_come_out_of_the_voltage_of_steady_parts() -> None:
         log = turning(speed, 20_000, i_q=np.full(20_000, current))
         u_q = 0.9 * log["i_q"] + 0.21 * speed + 0.4 * np.sign(current)
         logs.append(replace(log, name=str(n), signals={**log.signals, "u_q": np.broadcast_to(u_q, 20_000)}))
-    known = of_motor().known
-    told = voltage.told(known, logs)
+    known = of_motor().identification
+    told = voltage.constants_from_voltage(known, logs)
     assert told is not None
     k_t, r = told
     assert k_t.value == pytest.approx(0.21 * 0.3 / (4 * 0.05)) and r.value == pytest.approx(0.9)
     assert 0.01 * k_t.value < k_t.error < 0.02 * k_t.value  # more than the inverter's gain
     assert 0.01 * r.value < r.error
-    assert voltage.told(known, logs[:3]) is None  # too few for three unknowns
-    assert voltage.told(known, logs[:4]) is not None
-    assert voltage.told(known, [logs[0]] * 2 + [logs[1]] * 2) is None  # at one speed
+    assert voltage.constants_from_voltage(known, logs[:3]) is None  # too few for three unknowns
+    assert voltage.constants_from_voltage(known, logs[:4]) is not None
+    assert voltage.constants_from_voltage(known, [logs[0]] * 2 + [logs[1]] * 2) is None  # at one speed
 
 
 @pytest.mark.parametrize(("fast", "told"), [(20.1, True), (19.8, False)])
@@ -43,7 +43,7 @@ def test_speeds_that_tell_k_t_are_a_factor_of_two_apart(fast: float, told: bool)
         u_q = 0.9 * current + 0.21 * speed + 0.4 * np.sign(current)
         signals = {"i_q": np.full(20_000, current), "u_q": np.full(20_000, u_q)}
         logs.append(replace(turning(speed, 20_000, **signals), name=str(n)))
-    assert (voltage.told(of_motor().known, logs) is not None) == told
+    assert (voltage.constants_from_voltage(of_motor().identification, logs) is not None) == told
 
 
 def test_what_the_voltage_leaves_unexplained_is_in_the_errors() -> None:
@@ -55,7 +55,7 @@ def test_what_the_voltage_leaves_unexplained_is_in_the_errors() -> None:
     for n, u_q in enumerate(columns @ [0.21, 0.9, 0.4] + left):
         log = turning(speeds[n], 20_000, i_q=np.full(20_000, currents[n]), u_q=np.full(20_000, u_q))
         logs.append(replace(log, name=str(n)))
-    told = voltage.told(of_motor().known, logs)
+    told = voltage.constants_from_voltage(of_motor().identification, logs)
     assert told is not None
     spread = 4.30265 * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)) / 2)
     by_k_t = 0.3 / (4 * 0.05)
@@ -65,7 +65,7 @@ def test_what_the_voltage_leaves_unexplained_is_in_the_errors() -> None:
 
 def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
     """The servo's K_t is 0.3 N m/A; copper has sqrt(2) times its resistance 105 K warmer."""
-    known = of_motor().known
+    known = of_motor().identification
     known.motor = known.motor.model_copy(update={"R_s": 2.0})
     agreed = voltage._of_k_t(known, Value(0.309, 0.01))
     assert isinstance(agreed, voltage.Agreement)

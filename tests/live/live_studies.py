@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import studies
-from cogless.live.keys import Found, adjustable
+from cogless.live.keys import AdjustableKeys, adjustable
 from cogless.study import AnyStudy, Study
 
 TEXT = """
@@ -87,16 +87,16 @@ unit = "rpm"
 """
 
 
-_FOUND: dict[str, Found] = {}
+_FOUND: dict[str, AdjustableKeys] = {}
 
 
 def study(folder: Path) -> Study:
     return studies.study(folder, None, TEXT)
 
 
-def found(study: AnyStudy, told: bool = False) -> Found:
+def found(study: AnyStudy, for_own_motor: bool = False) -> AdjustableKeys:
     """The keys that a page can change: found once for all studies of the same text, as it takes seconds."""
-    which = repr((study._source.tables, told))
+    which = repr((study._source.tables, for_own_motor))
     if which not in _FOUND:
-        _FOUND[which] = adjustable(study, told)
+        _FOUND[which] = adjustable(study, for_own_motor)
     return _FOUND[which]

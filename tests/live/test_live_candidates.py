@@ -21,8 +21,8 @@ from cogless.live.candidates import (
     YOURS,
     Candidate,
     candidates,
+    key_candidate,
     looked_up,
-    made,
     of_motor,
     shortest,
 )
@@ -98,7 +98,7 @@ class Owner:
 
 def slider(value, span, field="plain", label="key"):
     """Low and high end, least and most of the field; None if it has no slider."""
-    found = list(made("key", label, "Group", Owner(), field, value, span))
+    found = list(key_candidate("key", label, "Group", Owner(), field, value, span))
     return (found[0].low, found[0].high, found[0].least, found[0].most) if found else None
 
 
@@ -136,15 +136,15 @@ def test_a_slider_reaches_about_the_studys_value(value, span, field, expected):
 
 def test_some_keys_have_sliders_of_their_own():
     assert slider(0.9, (0.0, 3), label="forgetting") == (0.5, 1, 0.5, 1)
-    (found,) = made("key", "position_sensor.lines", "Group", Owner(), "plain", 777, (0.0, 0.0))
+    (found,) = key_candidate("key", "position_sensor.lines", "Group", Owner(), "plain", 777, (0.0, 0.0))
     assert (found.low, found.high, found.stops) == (64, 10_000, tuple(sorted((*LINES, 777))))
-    (found,) = made("key", "label", "Group", Owner(), "torque", "4 mN*m", (0.5, 2), "low", "pi")
+    (found,) = key_candidate("key", "label", "Group", Owner(), "torque", "4 mN*m", (0.5, 2), "low", "pi")
     assert (found.scenario, found.controller, found.whole, found.stops) == ("low", "pi", False, ())
     assert (found.unit, found.factor, found.start, found.si(2.5)) == ("mN*m", 1e-3, 4.0, 0.0025)
-    (found,) = made("key", "label", "Group", Owner(), "plain", 0.5, (0.5, 2))
+    (found,) = key_candidate("key", "label", "Group", Owner(), "plain", 0.5, (0.5, 2))
     assert (found.unit, found.factor, found.start) == ("", 1.0, 0.5)
     assert found.si(0.75) == found.text(0.75) == 0.75
-    assert list(made("key", "label", "Group", None, "torque", "4 mN*m", (0.5, 2))) == []
+    assert list(key_candidate("key", "label", "Group", None, "torque", "4 mN*m", (0.5, 2))) == []
 
 
 def test_a_key_is_looked_up_in_the_model_and_in_the_file():
@@ -316,21 +316,21 @@ def test_a_power_is_whole_within_a_hundred_thousandth():
 
 def test_a_number_is_a_product_of_powers_a_factor_for_the_pole_pairs_and_a_curve():
     about = {name: candidate(0.1, 100.0, start=start) for name, start in (
-        ("a", 2.0), (room.RESISTANCE, 5.0), (room.INDUCTANCE, 7.0)
+        ("a", 2.0), (room.RESISTANCE_KEY, 5.0), (room.INDUCTANCE_KEY, 7.0)
     )}  # fmt: skip
     about[room.POLE_PAIRS] = candidate(2.0, 5.0, start=4.0)
     own = room.OwnMotor({}, about, RATIO_ENDS, {})
     number = Number("x", 0, "d")
-    plain = room.Product(number, 10.0, {"a": 2, room.RESISTANCE: -1})
+    plain = room.Product(number, 10.0, {"a": 2, room.RESISTANCE_KEY: -1})
     assert room.computed(plain, own, {}) == 10.0
-    assert room.computed(plain, own, {"a": 6.0, room.RESISTANCE: 2.5}) == pytest.approx(10 * 9 * 2)
+    assert room.computed(plain, own, {"a": 6.0, room.RESISTANCE_KEY: 2.5}) == pytest.approx(10 * 9 * 2)
     by_pairs = room.Product(number, 10.0, {}, factors=(0.25, 0.5, 1.0, 4.0))
     assert [room.computed(by_pairs, own, {room.POLE_PAIRS: float(n)}) for n in (2, 5)] == [2.5, 40.0]
     assert room.computed(by_pairs, own, {}) == 10.0
     bent = room.Product(
         number, 10.0, {}, curve=tuple(1 + x for x in room.nodes(RATIO_ENDS))
     )  # of log(R_s / L)
-    values = {room.RESISTANCE: 2.5, room.INDUCTANCE: 14.0}
+    values = {room.RESISTANCE_KEY: 2.5, room.INDUCTANCE_KEY: 14.0}
     assert room.computed(bent, own, values) == pytest.approx(10 * (1 + math.log(0.25)))
 
 
@@ -346,7 +346,7 @@ def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
         assert [np.log10(shares[key]) for key in ("motor.kv", "mechanics.inertia")] == pytest.approx(
             [reach * (4 * (golden * (k + 1) * (n + 1) % 1) - 2) for k in (3, 4)], abs=1e-5
         )
-        ratio = shares[room.RESISTANCE] / shares[room.INDUCTANCE]
+        ratio = shares[room.RESISTANCE_KEY] / shares[room.INDUCTANCE_KEY]
         assert ratio == pytest.approx((120 ** ((n + 0.5) / 12) / 30) ** reach, rel=1e-5)
         assert values[room.POLE_PAIRS] == round(4 + reach * (1 + 7 * n % 6 - 4))
     narrow = replace(own, keys=wide | {"motor.kv": replace(wide["motor.kv"], least=50.0, most=70.0)})
@@ -356,8 +356,8 @@ def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
 
 PLACE = ("low", "pi", "run")
 KEYS = {
-    room.POLE_PAIRS: (4.0, 1.0, 6.0), room.RESISTANCE: (2.0, 0.6, 6.0),
-    room.INDUCTANCE: (1e-3, 3e-4, 3e-3),
+    room.POLE_PAIRS: (4.0, 1.0, 6.0), room.RESISTANCE_KEY: (2.0, 0.6, 6.0),
+    room.INDUCTANCE_KEY: (1e-3, 3e-4, 3e-3),
     "motor.kv": (60.0, 20.0, 180.0), "mechanics.inertia": (4e-5, 1e-5, 1e-4),
     "drive.inverter.bus_voltage": (24.0, 8.0, 72.0),
 }  # fmt: skip
@@ -411,7 +411,7 @@ def test_numbers_of_a_motor_are_products_of_its_keys_powers():
     assert own.ends == RATIO_ENDS and {*own.turned} == {1, 2, 3, 4, 5, 6}
     first, second, pairs, bent = own.products[PLACE]
     assert (first.number, first.start, first.factors, first.curve) == (numbers[0], 6000.0, (), ())
-    assert first.powers == {room.RESISTANCE: 1, room.INDUCTANCE: -1}
+    assert first.powers == {room.RESISTANCE_KEY: 1, room.INDUCTANCE_KEY: -1}
     assert second.powers == {"motor.kv": 2, "mechanics.inertia": 1}
     assert second.factors == pytest.approx([4 / p for p in range(1, 7)], rel=1e-6) and second.curve == ()
     assert (pairs.number, pairs.start, pairs.powers) == (numbers[2], 1.0, {})
@@ -487,7 +487,7 @@ def test_what_the_study_refuses_narrows_the_range_of_its_key_alone(refusal):
     for _ in range(50):
         values = {key: start * rng.uniform(0.5, 2) for key, start in study.items()}
         values[room.POLE_PAIRS] = float(rng.integers(min(own.turned), max(own.turned) + 1))
-        values[room.INDUCTANCE] = values[room.RESISTANCE] / 2000 / rng.uniform(slow, fast)
+        values[room.INDUCTANCE_KEY] = values[room.RESISTANCE_KEY] / 2000 / rng.uniform(slow, fast)
         values["motor.kv"] = 60.0 if "any other kv" in refusal else values["motor.kv"]
         wanted = free([(key, values[key.key]) for key in by_key])[PLACE]
         products = {one.number: room.computed(one, own, values) for one in own.products[PLACE]}

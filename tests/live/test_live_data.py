@@ -50,7 +50,7 @@ def described(values):
 def adjusted(monkeypatch):
     def of(*listed):
         for module in (keys, candidates):
-            monkeypatch.setattr(module, "held", lambda study: [PLACE[:2]])
+            monkeypatch.setattr(module, "page_runs", lambda study: [PLACE[:2]])
         monkeypatch.setattr(keys, "packed", lambda study, *_: described(study.values))
         monkeypatch.setattr(keys, "changed", lambda study, values: SimpleNamespace(values=values))
         monkeypatch.setattr(keys, "_candidates", lambda study, told: list(listed))

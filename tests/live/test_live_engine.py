@@ -14,7 +14,7 @@ from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.live import engine
-from cogless.live.description import blobs, held, pack
+from cogless.live.description import blobs, pack, page_runs
 from cogless.live.live_page import asset
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
@@ -85,7 +85,7 @@ def each_met(pairs):
 def test_each_row_of_each_signal_has_the_native_bits(tmp_path, name):
     study = load(studies.write(tmp_path, studies.TRACTION) if name == "traction" else name)
     # the commissioning of a table, which takes seconds, is another test's
-    plain = [pair for pair in held(study) if not tabled(study, pair[1])]
+    plain = [pair for pair in page_runs(study) if not tabled(study, pair[1])]
     plans = [plan(study, *pair) for pair in each_met(plain)]
     given = {
         "module": module_file(tmp_path, study.drive.precision),
@@ -213,7 +213,7 @@ def test_tests_of_the_page_are_skipped_while_one_of_the_two_modules_is_missing(m
 
 def test_packed_numbers_lie_where_they_say(tmp_path):
     study = studies.study(tmp_path)
-    blob = blobs(study, *held(study)[0])["run"]
+    blob = blobs(study, *page_runs(study)[0])["run"]
     found = {n.path: n.read(blob.data) for n in blob.numbers}
     assert found["motor.R_s"] == study.motor.R_s
     assert found["mechanics.inertia"] == study.mechanics.inertia

@@ -15,8 +15,8 @@ from cogless.control_library import Status
 from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live.candidates import OF_REFERENCE, PLANT, candidates, quoted, shortest
-from cogless.live.description import Number, held, pack
-from cogless.live.keys import Found, Landing, _accepted, landed, packed
+from cogless.live.description import Number, pack, page_runs
+from cogless.live.keys import AdjustableKeys, Landing, _accepted, landed, packed
 from cogless.live.live_page import data
 from cogless.report import speed_tracking
 from cogless.report.speed_tracking import STATE_TIME_LEAST
@@ -55,7 +55,7 @@ def bytes_of(study, found, values):
     texts = {key.candidate.key: key.candidate for key in found.keys}
     try:
         other = changed(study, {name: texts[name].text(value) for name, value in values.items()})
-        return {"/".join(place): blob.data.hex() for place, blob in packed(other, held(other)).items()}
+        return {"/".join(place): blob.data.hex() for place, blob in packed(other, page_runs(other)).items()}
     except (StudyError, ValueError):
         return None
 
@@ -312,5 +312,5 @@ def test_more_controllers_than_colours_share_them(tmp_path):
     """The baseline has the first for itself."""
     more = {f"controller.more{n}": {"law": "pi", "kp": "0.01 A/rpm", "ki": "0.1 A/rpm/s"} for n in range(7)}
     study = changed(live_studies.study(tmp_path), more)
-    made = data(study, Found(), "")["controllers"]
+    made = data(study, AdjustableKeys(), "")["controllers"]
     assert [one["colour"] for one in made] == [0, 1, 2, 3, 4, 5, 6, 7, 1, 2]

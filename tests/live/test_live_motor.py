@@ -17,7 +17,7 @@ from cogless.control_library import Status
 from cogless.errors import StudyError
 from cogless.live import own_motor, write
 from cogless.live.candidates import MOTOR, of_motor
-from cogless.live.description import held
+from cogless.live.description import page_runs
 from cogless.live.keys import _changed, adjustable, packed
 from cogless.live.live_page import data
 from cogless.live.motor_classes import motor_classes
@@ -39,7 +39,7 @@ REAL = {"f": 3e-7, "d": 1e-12}  # relative
 def own():
     """The playground's own motor: the study of the tutorial, which learns every order."""
     study = changed(load(MY_MOTOR), {"controller.harmonic.base": 1})
-    return study, live_studies.found(study, told=True)
+    return study, live_studies.found(study, for_own_motor=True)
 
 
 @pytest.fixture
@@ -94,7 +94,7 @@ def test_a_motors_sliders_are_from_a_third_to_three_times_the_studys_value(own):
 def test_a_product_that_is_not_what_the_design_gives_is_told(own, off):
     """As is a number that moves and has no product."""
     study, found = own
-    base = packed(study, held(study))
+    base = packed(study, page_runs(study))
 
     def changes(values):
         return _changed(study, values)
@@ -114,7 +114,7 @@ def test_a_product_that_is_not_what_the_design_gives_is_told(own, off):
 def same_numbers(folder, study, found, sets):
     """How many of these values the study takes; the page has the numbers of each, and all else, too."""
     keys = {key.candidate.key: key.candidate for key in found.keys}
-    places = list(packed(study, held(study)))
+    places = list(packed(study, page_runs(study)))
     given = {
         "page": data(study, found, "cogless run x"),
         "places": ["/".join(place) for place in places],
@@ -127,7 +127,7 @@ def same_numbers(folder, study, found, sets):
             other = changed(study, {name: keys[name].text(x) for name, x in values.items()})
         except StudyError:  # such as a motor that the integration step is too long for
             continue
-        tried, wanted_of = tried + 1, packed(other, held(other))
+        tried, wanted_of = tried + 1, packed(other, page_runs(other))
         for place, page in zip(places, pages, strict=True):
             blob, mine = wanted_of[place], bytes.fromhex(page)
             for number in blob.numbers:
@@ -187,17 +187,22 @@ TAKEN = {
 def test_a_study_that_run_takes_has_a_page_for_ones_own_motor(tmp_path, name):
     """What the page tries and the study refuses narrows what the page takes; the speed can be changed."""
     study = load(MY_MOTOR, TAKEN[name])
-    found = live_studies.found(study, told=True)
+    found = live_studies.found(study, for_own_motor=True)
     keys = {key.candidate.key: key for key in found.keys}
     speed, rng, sets = keys["scenario.slow.reference"], random.Random(8), []
     (slow, fast), start = found.own_motor.ends, {key: one.start for key, one in found.own_motor.keys.items()}
     for _ in range(25):
         values = {
             key: float(f"{start[key] * 2 ** rng.uniform(-1, 1):.3g}")
-            for key in ("motor.kv", "mechanics.inertia", own_motor.RESISTANCE, "drive.inverter.bus_voltage")
+            for key in (
+                "motor.kv",
+                "mechanics.inertia",
+                own_motor.RESISTANCE_KEY,
+                "drive.inverter.bus_voltage",
+            )
         }
-        share = values[own_motor.RESISTANCE] / start[own_motor.RESISTANCE] / rng.uniform(slow, fast)
-        values[own_motor.INDUCTANCE] = float(f"{start[own_motor.INDUCTANCE] * share:.3g}")
+        share = values[own_motor.RESISTANCE_KEY] / start[own_motor.RESISTANCE_KEY] / rng.uniform(slow, fast)
+        values[own_motor.INDUCTANCE_KEY] = float(f"{start[own_motor.INDUCTANCE_KEY] * share:.3g}")
         values[own_motor.POLE_PAIRS] = float(rng.choice(sorted(found.own_motor.turned)))
         ends = speed.candidate.low, speed.candidate.high
         to = rng.choice(speed.stops) if speed.stops else float(f"{rng.uniform(*ends):.3g}")
@@ -213,7 +218,7 @@ def test_a_load_behind_a_shaft_is_told_how_it_gets_a_page():
     side = {"inertia": "1e-4 kg*m^2", "stiffness": "20 N*m/rad", "damping": "1 mN*m*s/rad"}
     study = load(MY_MOTOR, {"mechanics.load_side": side})
     with pytest.raises(StudyError) as error:
-        adjustable(study, told=True)
+        adjustable(study, for_own_motor=True)
     expected = "--own-motor: expected numbers that follow the motor's keys as products of powers, which"
     assert str(error.value).startswith(f"{MY_MOTOR}: {expected} controller.config.")
     assert str(error.value).endswith(" does not; cogless live takes the study without --own-motor")
@@ -223,7 +228,7 @@ def test_a_load_behind_a_shaft_is_told_how_it_gets_a_page():
 @pytest.fixture(scope="module")
 def shown(own, window, tmp_path_factory):
     path = tmp_path_factory.mktemp("own") / "own.html"
-    write(own[0], path, "cogless run my_motor.toml --set controller.harmonic.base=1", told=True)
+    write(own[0], path, "cogless run my_motor.toml --set controller.harmonic.base=1", for_own_motor=True)
     window.open(path, 1300)
     settle(window)
     return window
@@ -307,7 +312,7 @@ def test_a_motor_that_stands_is_not_praised(own, shown):
 def test_a_number_that_is_no_product_is_refused(own):
     """Such as the orders that are learned, if slots and poles tell them: no power of anything."""
     study, found = own
-    keys = [key.candidate for key in found.keys if key.candidate.key in own_motor.TOGETHER]
+    keys = [key.candidate for key in found.keys if key.candidate.key in own_motor.OWN_MOTOR_KEYS]
     base = packed(study, [("slow", "pi")])
 
     def bent(values):
@@ -325,13 +330,13 @@ def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
     with pytest.raises(
         StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected with"
     ):
-        adjustable(small_study, told=True)
+        adjustable(small_study, for_own_motor=True)
 
 
 def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
     """Without a base of its own the law learns the multiples of gcd(slots, poles), or of 6."""
     study = load(own[0].source.path)
-    keys = [key.candidate for key in own[1].keys if key.candidate.key in own_motor.TOGETHER]
+    keys = [key.candidate for key in own[1].keys if key.candidate.key in own_motor.OWN_MOTOR_KEYS]
     run = ("slow", "harmonic")
 
     def made(values):

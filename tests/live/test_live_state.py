@@ -9,8 +9,8 @@ import pytest
 from node import NO_NODE, run_node
 
 from cogless.live.candidates import candidates, trial_candidates
-from cogless.live.description import held
-from cogless.live.keys import Found, Key
+from cogless.live.description import page_runs
+from cogless.live.keys import AdjustableKeys, Key
 from cogless.live.live_page import _key, data
 from cogless.study import TrialStudy, changed, load
 
@@ -76,8 +76,8 @@ def drawn(page, seed):
 def untried(study):
     """The page's data with every key that it might change: which of them it can doesn't matter here."""
     listed = trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study, False)
-    found = Found([Key(candidate, {}, candidate.stops) for candidate in listed])
-    pairs = held(study)
+    found = AdjustableKeys([Key(candidate, {}, candidate.stops) for candidate in listed])
+    pairs = page_runs(study)
     return {
         "kind": "trials" if isinstance(study, TrialStudy) else "speed",
         "motor": None,
@@ -104,7 +104,7 @@ def test_the_address_of_any_state_brings_it_back(tmp_path, name):
 @pytest.fixture(scope="module")
 def own():
     study = changed(load(MY_MOTOR), {"controller.harmonic.base": 1})
-    return data(study, live_studies.found(study, told=True), "cogless run x")
+    return data(study, live_studies.found(study, for_own_motor=True), "cogless run x")
 
 
 def test_keys_that_bound_each_other_come_back_in_any_order(tmp_path, own):

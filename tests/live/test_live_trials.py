@@ -16,8 +16,8 @@ from cogless.design.trials.from_study import design_study, retuned
 from cogless.errors import StudyError
 from cogless.live import left_out, write
 from cogless.live.candidates import pinned, trial_candidates
-from cogless.live.description import blobs, held
-from cogless.live.keys import Found
+from cogless.live.description import blobs, page_runs
+from cogless.live.keys import AdjustableKeys
 from cogless.live.live_page import data
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
@@ -52,7 +52,7 @@ def adjusted(tmp_path_factory):
 
 def same_rows(folder, study, trials):
     """Each signal over so many trials, in the page's engine and in the native one; what is learned, too."""
-    pairs = list(each_met(held(study)))
+    pairs = list(each_met(page_runs(study)))
     designs = design_study(study, pairs)
     plans = [plan(study, *pair, design=designs[pair]) for pair in pairs]
     ticks = [trials * study.samples(p.scenario) * p.divider for p in plans]
@@ -145,7 +145,7 @@ def test_sliders_of_trials_are_about_the_studys_values(tmp_path, kind):
 
 def test_a_law_with_a_matrix_is_left_out_and_named(tmp_path):
     study = trial_studies.loaded(tmp_path, text=trial_studies.DRIVE + NORM_OPTIMAL)
-    assert [controller for _, controller in held(study)] == ["ilc", "feedback"]
+    assert [controller for _, controller in page_runs(study)] == ["ilc", "feedback"]
     assert left_out(study) == [
         "matrix: its learning matrix, of a number for each two samples, is too large for a page."
     ]
@@ -188,9 +188,9 @@ def test_what_the_designs_chose_is_written_out_and_changes_no_bit(learners):
     study, held_still, pins = learners
     chosen = {"ilc.K_3", "ilc.shift", "signal.K_3", "signal.shift", "observer.pole", "observer.cutoff"}
     assert set(pins) == {f"controller.{key}" for key in chosen}
-    designs = design_study(study, list(held(study)))
+    designs = design_study(study, list(page_runs(study)))
     assert pins["controller.signal.K_3"] == designs["move", "signal"].K_3
-    for pair in held(study):
+    for pair in page_runs(study):
         assert blobs(held_still, *pair)["run"].data == blobs(study, *pair)["run"].data
 
 
@@ -240,7 +240,7 @@ def test_changed_filters_shifts_and_weights_give_the_bytes_of_set(tmp_path, lear
 def test_a_weight_of_the_page_gives_the_gains_of_a_whole_design(learners, weight):
     _, held_still, _ = learners
     other = changed(held_still, {"design.input_weight": weight})
-    for run in held(held_still):
+    for run in page_runs(held_still):
         quick, whole = retuned(other, run, held_still), design_study(other, [run])[run]
         assert (quick.K_1.tolist(), quick.K_2, quick.N) == (whole.K_1.tolist(), whole.K_2, whole.N)
         assert (quick.K_3, quick.shift) == (whole.K_3, whole.shift)
@@ -261,7 +261,7 @@ def test_thirty_changes_are_one_row_and_no_thirty_sliders(tmp_path):
     text = (text[:begin] + f"changes = [{loads}]\n" + text[end:]).replace("trials = 12", "trials = 40")
     study = trial_studies.loaded(tmp_path, text=text)
     assert not any("load_steps" in one.key for one in trial_candidates(study))
-    (scenario,) = data(study, Found(), "")["scenarios"]
+    (scenario,) = data(study, AdjustableKeys(), "")["scenarios"]
     floor = next(metric for metric in scenario["metrics"] if metric["name"] == "to_floor")
     assert floor["titles"] == ["to floor, from trial 1", "to floor, worst of 30 load changes from trial 2"]
     assert floor["groups"] == [(0, 1), (1, 31)]

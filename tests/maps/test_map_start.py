@@ -17,7 +17,7 @@ from cogless.maps.stored_map import (
     CURRENT_CODE,
     ORDER_CODE,
     SINE_CODE,
-    Found,
+    FlashPlace,
     MapError,
     StoredMap,
     Valid,
@@ -142,9 +142,11 @@ def test_maps_as_lines() -> None:
     assert (
         shown["orders"] == "2" and shown["period"] == "a mechanical revolution" and "6, 12" in shown.values()
     )
-    alone = stored_map.map_lines([Found(0, one)], Valid(0, one))
+    alone = stored_map.map_lines([FlashPlace(0, one)], Valid(0, one))
     assert alone[0] == "a valid map" and alone[1] == f"  {'learned by':<26}{rows['learned by']}"
-    several = stored_map.map_lines([Found(0, "no mark"), Found(64, two), Found(128, one)], Valid(128, one))
+    several = stored_map.map_lines(
+        [FlashPlace(0, "no mark"), FlashPlace(64, two), FlashPlace(128, one)], Valid(128, one)
+    )
     assert several[:3] == [
         "At byte 0: no mark",
         "At byte 64: a valid map, save 4",

@@ -203,7 +203,7 @@ def test_offsets_of_the_duty_cycles_move_the_rotor_by_the_logged_current(tmp_pat
     drive = diagnosis.diagnosed(paths, tmp_path / "id.toml", lambda what, share: None)
     assert diagnosis.answer(drive).startswith("Most of the ripple is applied current, ")
     for name, log in logs.items():
-        (largest, *_) = sorted(drive.of(f"{name}.npz"), key=lambda each: -each.share)
+        (largest, *_) = sorted(drive.orders_of(f"{name}.npz"), key=lambda each: -each.share)
         assert (largest.order, largest.confidence) == (4, "sure") and largest.share > 0.95
         cured = open_loop(log["u_q"][0], (0.0, 0.0, 0.0), 1.0)  # the thread's cure: the duties without offset
         assert np.std(cured["true"][500:]) < 0.01 * np.std(log["true"][500:])

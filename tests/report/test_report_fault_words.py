@@ -46,20 +46,20 @@ def test_up_to_three_faults_are_told_and_the_others_are_counted(told):
     assert (one.scenario, one.headline) == (
         "faulty", "2 s: sensor stuck for 0.5 s. Afterwards the ripple is about what it was."
     )  # fmt: skip
-    assert [(part.heading, len(part.sentences)) for part in one.told] == [("", 1)]
+    assert [(part.heading, len(part.sentences)) for part in one.paragraphs] == [("", 1)]
     many = [at(0.5, "a"), at(1.5, "b", "c"), at(2.5), at(3.5), at(4.5)]
     for count, rest in ((2, []), (3, []), (4, ["One more fault is"]), (5, ["2 more faults are"])):
         found = room.account(told, [run_of(*many[:count]), run_of(*many[:count], name="fair")])
         assert found.headline.startswith(f"{count} faults, the first at 0.5 s: a for 0.5 s. ")
-        assert [part.heading for part in found.told] == [
+        assert [part.heading for part in found.paragraphs] == [
             "0.5 s: a for 0.5 s", "1.5 s: b and c for 0.5 s",
             *["2.5 s: sensor stuck for 0.5 s"] * (count > 2),
             *(f"{words} in results.json." for words in rest),
         ]  # fmt: skip
-        assert [len(part.sentences) for part in found.told][: min(count, 3)] == [2] * min(count, 3)
+        assert [len(part.sentences) for part in found.paragraphs][: min(count, 3)] == [2] * min(count, 3)
     assert room.account(told, [run_of()]) is None
     assert [
-        name for name, _ in room.account(told, [run_of(), run_of(USUAL, name="fair")]).told[0].sentences
+        name for name, _ in room.account(told, [run_of(), run_of(USUAL, name="fair")]).paragraphs[0].sentences
     ] == ["fair"]
 
 

@@ -75,7 +75,7 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
         "0.3 s: position sensor gives no number for 20 ms. "
         "Afterwards the ripple is about what it is without the fault."
     )
-    (told,) = found.told
+    (told,) = found.paragraphs
     said = dict(told.sentences)
     assert list(said) == ["pi", "fair"] and told.heading == ""
     sentence = said["pi"].replace("\N{NO-BREAK SPACE}", " ")
@@ -90,7 +90,7 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
 
 def test_nothing_broken_nothing_said(made):
     low = verdicts(made)[0]
-    assert low.scenario == "low" and low.told == () and "broke" not in low.headline
+    assert low.scenario == "low" and low.paragraphs == () and "broke" not in low.headline
     assert verdict(made, "faulty") == verdict_on(made)
 
 
@@ -118,7 +118,7 @@ def test_a_verdict_is_not_green_with_more_ripple_than_without_the_fault(made):
 def test_without_a_like_scenario_the_ripple_before_is_the_measure(made):
     alone = without_twin(made)
     assert verdict_on(alone).headline.endswith("Afterwards the ripple is about what it was.")
-    assert "without the fault" not in dict(verdict_on(alone).told[0].sentences)["pi"]
+    assert "without the fault" not in dict(verdict_on(alone).paragraphs[0].sentences)["pi"]
     usual = alone.runs[0].faults[0].ripple_before
     assert (
         "more ripple than before: pi 2.00 times"
@@ -143,7 +143,7 @@ def test_a_rotor_that_stands_afterwards_has_no_small_ripple(made):
         "Afterwards the speed is not held: pi (mean 0 of 600 rpm), fair (mean 0 of 600 rpm)."
         in found.headline
     )
-    assert "afterwards mean 0 of 600 rpm" in dict(found.told[0].sentences)["pi"]
+    assert "afterwards mean 0 of 600 rpm" in dict(found.paragraphs[0].sentences)["pi"]
 
 
 def test_many_faults(many):
@@ -151,10 +151,10 @@ def test_many_faults(many):
     assert found.headline.startswith(
         "4 faults, the first at 0.1 s: position sensor gives no number for 5 ms."
     )
-    assert [told.heading.split(":")[0] for told in found.told[:3]] == ["0.1 s", "0.25 s", "0.4 s"]
-    assert found.told[3].heading == "One more fault is in results.json."
+    assert [told.heading.split(":")[0] for told in found.paragraphs[:3]] == ["0.1 s", "0.25 s", "0.4 s"]
+    assert found.paragraphs[3].heading == "One more fault is in results.json."
     five = replace(many, runs=[replace(r, faults=[*r.faults, *r.faults[-1:]]) for r in many.runs])
-    assert verdict_on(five).told[3].heading == "2 more faults are in results.json."
+    assert verdict_on(five).paragraphs[3].heading == "2 more faults are in results.json."
     assert [zoom["name"] for zoom in scenario_of(many)["zooms"]][-4:] == [
         "fault at 0.1 s", "fault at 0.25 s", "fault at 0.4 s", "fault at 0.55 s"
     ]  # fmt: skip
@@ -179,7 +179,7 @@ def test_many_faults(many):
     ],
 )
 def test_the_response_in_words(made, values, says):
-    said = dict(verdict_on(changed(made, **values)).told[0].sentences)["pi"]
+    said = dict(verdict_on(changed(made, **values)).paragraphs[0].sentences)["pi"]
     assert f"; {says}" in f"; {said}".replace("\N{NO-BREAK SPACE}", " ")
 
 
@@ -192,7 +192,7 @@ def test_a_fault_to_the_end_is_not_judged(tmp_path):
 def test_without_traces_the_verdict_has_what_is_known(made):
     empty = [replace(run, trace=replace(run.trace, data=run.trace.data[:0])) for run in made.runs]
     found = verdict_on(replace(made, runs=empty))
-    assert "output safe for" in dict(found.told[0].sentences)["pi"].replace("\N{NO-BREAK SPACE}", " ")
+    assert "output safe for" in dict(found.paragraphs[0].sentences)["pi"].replace("\N{NO-BREAK SPACE}", " ")
     assert "check trips" in render(replace(made, runs=empty))
 
 

@@ -11,7 +11,7 @@ from cogless.report import page, tables
 from cogless.report.comparison import Line
 from cogless.report.markup import DASH
 from cogless.report.trials import _gains
-from cogless.report.verdicts import ScenarioVerdict, Told
+from cogless.report.verdicts import Paragraph, ScenarioVerdict
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 
@@ -48,8 +48,8 @@ def test_a_scenario_without_metrics_says_so(made):
 
 
 def test_the_details_have_the_faults_and_a_line_for_each_sentence(made):
-    more = [Told("", [("pi", "once")]), Told("More.", [])]
-    told = [Told("2 s: <a>", [("pi", "holds."), ("pi-ilc", "stops.")]), *more]
+    more = [Paragraph("", [("pi", "once")]), Paragraph("More.", [])]
+    told = [Paragraph("2 s: <a>", [("pi", "holds."), ("pi-ilc", "stops.")]), *more]
     text = page._details(ScenarioVerdict("low-speed", "even", "A & B.", ["One <b>.", "Two."], told), made)
     assert '<p class="fault">2 s: &lt;a&gt;</p><dl class="told"><dt ' in text
     assert re.findall(r"<dd>(.*?)</dd>", text) == ["holds.", "stops.", "once"]

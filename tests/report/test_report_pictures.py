@@ -258,7 +258,11 @@ def test_the_found_orders_are_bars_with_their_errors(tmp_path, figures):
         (6, 0.03, 0.01), (24, 0.05, 0.0)
     ))  # fmt: skip
     made = SimpleNamespace(
-        known=SimpleNamespace(title="Servo"), K_t=0.5, cogging=waves, ripple=(), encoder=waves[:1] * 4
+        identification=SimpleNamespace(title="Servo"),
+        K_t=0.5,
+        cogging=waves,
+        ripple=(),
+        encoder=waves[:1] * 4,
     )
     identified.write_plot(made, tmp_path / "orders.png")
     ((figure, _),) = figures

@@ -46,7 +46,7 @@ def test_errors_are_in_the_frame_of_the_metrics(made):
     assert (speed.signal, speed.ratio, angle.signal) == ("omega_error", 50, "theta_error")
     assert speed.title == "Speed error, electrical"
     part = made.runs[0].trace.window(3, 5)
-    drawn = np.ptp(speed.of(made.runs[0].trace)[part])
+    drawn = np.ptp(speed.displayed(made.runs[0].trace)[part])
     assert drawn == pytest.approx(made.runs[0].metrics["speed_before_rad_s"], rel=0.01)
     assert compare(made, "twelve-seconds")[0].title == "speed before (electrical)"
 
@@ -246,8 +246,8 @@ def test_speeds_and_angles_in_the_units_of_the_study(made):
     speed, angle = errors(results, runs)
     assert (speed.unit, angle.unit) == ("rpm", "deg")
     trace = pi.trace
-    assert speed.of(trace) == pytest.approx(trace["omega_error"] * 60 / (2 * np.pi))
-    assert angle.of(trace) == pytest.approx(np.rad2deg(trace["theta_error"]))
+    assert speed.displayed(trace) == pytest.approx(trace["omega_error"] * 60 / (2 * np.pi))
+    assert angle.displayed(trace) == pytest.approx(np.rad2deg(trace["theta_error"]))
     assert [line.unit for line in compare(results, "twelve-seconds")] == ["rpm", "deg", "deg"]
     (drawn,) = data_of(render(results))["scenarios"]
     panels = {p["title"]: p["unit"] for p in drawn["waveforms"]["panels"]}

@@ -34,7 +34,7 @@ def of(known):
         """Counts and RMS, mrad, in phases of twenty trials; an RMS lasts its phase."""
         every = [Phase(1 + 20 * n, 21 + 20 * n, ("load",) if n else ()) for n in range(phases)]
         lasting = {name: np.repeat(np.asarray(x, dtype=float), 20) for name, x in (rms or {}).items()}
-        made = replace(known, phases=every, rms=lasting, about=replace(known.about, floor=floor))
+        made = replace(known, phases=every, rms=lasting, metric=replace(known.metric, floor=floor))
         made.__dict__["counts"] = counts
         return made
 

@@ -245,7 +245,7 @@ def test_growth_is_half_as_much_again_in_eight_trials_or_more(made):
     assert found._grown(np.array([2.0] * 6 + [3.02] * 2)) == (2.0, pytest.approx(3.02))
     assert found._grown(np.array([2.0] * 6 + [2.98] * 2)) is None
     assert found._grown(np.array([2.0] * 5 + [9.0] * 2)) is None
-    found = replace(found, about=replace(found.about, floor=None))
+    found = replace(found, metric=replace(found.metric, floor=None))
     assert found._grown(np.array([1.0, 1.0] + [1e-8] * 4 + [1e-7] * 2)) == (1e-8, 1e-7)
     assert found._grown(np.array([1.0, 1.0] + [1e-11] * 4 + [1e-10] * 2)) is None
 

@@ -191,7 +191,7 @@ def test_an_interrupt_gives_the_best_so_far(
     fit = calibrate(study, lambda evaluations, deviation: seen.append(deviation))
     assert fit.interrupted and not fit.settled
     assert fit.deviation == seen[-1] < seen[0]
-    assert abs(fit.residuals[0].got / fit.residuals[0].wanted - 1) == pytest.approx(fit.deviation)
+    assert abs(fit.residuals[0].got / fit.residuals[0].target - 1) == pytest.approx(fit.deviation)
 
 
 def test_rows_of_a_fit_are_in_the_units_of_the_metrics(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_a_list_s_deviations_count_by_its_largest_target_and_a_weight(tmp_path: 
         tmp_path, {**SHORT, **orders, "scenario.low.duration": 1.1, "calibration": calibration}
     )
     fit = calibrate(study)
-    first, second, ripple = (r.got - r.wanted for r in fit.residuals)
+    first, second, ripple = (r.got - r.target for r in fit.residuals)
     shares = [2 * first / 4, 2 * second / 4, ripple / 5]
     assert fit.deviation == pytest.approx(sqrt(sum(x * x for x in shares) / 3), rel=1e-3)
 

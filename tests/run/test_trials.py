@@ -20,7 +20,7 @@ from cogless.design.kinds import DESIGNS
 from cogless.design.trials.from_study import design_study
 from cogless.errors import StudyError
 from cogless.export.prepared import prepare
-from cogless.live.description import held, left_out
+from cogless.live.description import left_out, page_runs
 from cogless.report import verdicts
 from cogless.results import TrialResults
 from cogless.results.results_json import to_dict
@@ -229,7 +229,7 @@ def test_the_commands_name_an_unsuitable_controller(tmp_path: Path) -> None:
         assert found.exit_code == 0 and f"observed: not designed: {UNSUITABLE}" in found.stdout
     told = json.loads(invoke("design", path, "--json").stdout)["controllers"]
     assert told["observed"] == {"not_designed": UNSUITABLE} and "certificate" in told["feedback"]
-    assert held(load(Path(path))) == [("move", "feedback")]
+    assert page_runs(load(Path(path))) == [("move", "feedback")]
     assert left_out(load(Path(path))) == [f"observed: not designed: {UNSUITABLE}."]
     text = DISCRETE.replace('[controller.feedback]\nlaw = "trial-ilc"\nlearning = false\n', "")
     alone = str(trial_studies.write(tmp_path, text))

@@ -67,7 +67,7 @@ def test_trials_record_what_the_table_says() -> None:
 
 
 def test_every_signal_says_what_it_is() -> None:
-    assert all(len(each.about) > 5 for each in RECORDED.values())
+    assert all(len(each.meaning) > 5 for each in RECORDED.values())
     assert not exists("nothing", {"electrical"})
 
 

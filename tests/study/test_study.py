@@ -436,7 +436,7 @@ def test_torque_ripple_in_per_cent(tmp_path: Path) -> None:
     K = functions_in(study, "low").K
     theta = np.array([0.3, 1.7])
     expected = study.motor.star().K_t * (1 + 0.015 * np.sin(12 * theta) + 0.02 * np.sin(7 * theta))
-    assert K.at(theta) == pytest.approx(expected)
+    assert K.values_at(theta) == pytest.approx(expected)
 
 
 def test_a_temperature_is_not_told_to_the_controller(tmp_path: Path) -> None:

@@ -89,8 +89,8 @@ def test_studies_of_speed_stay_what_they_are() -> None:
 def test_a_plant_s_matrices_follow_its_parameters(tmp_path: Path) -> None:
     plant = trial_studies.loaded(tmp_path, text=LINEAR).plant
     assert plant is not None
-    assert plant.at({}) == ([[-0.75, 0.0], [1.0, -1.5]], [2.0, 0.0])
-    assert plant.at({"a": 0.5, "k": 1.8}) == ([[-0.5, 0.0], [1.0, -1.0]], [1.8, 0.0])
+    assert plant.matrices_at({}) == ([[-0.75, 0.0], [1.0, -1.5]], [2.0, 0.0])
+    assert plant.matrices_at({"a": 0.5, "k": 1.8}) == ([[-0.5, 0.0], [1.0, -1.0]], [1.8, 0.0])
 
 
 @given(
@@ -101,16 +101,16 @@ def test_references_stop_at_each_point_and_stay_between(values: list[float], gap
     times = list(itertools.accumulate(gaps[: len(values)]))
     points = tuple((f"{t!r} s", v) for t, v in zip(times, values, strict=True))
     reference = PositionReference(points=points)
-    assert reference.at(np.array(times)) == pytest.approx(values, abs=1e-9)
+    assert reference.values_at(np.array(times)) == pytest.approx(values, abs=1e-9)
     for (begin, low), (end, high) in itertools.pairwise(zip(times, values, strict=True)):
-        inside = reference.at(np.linspace(begin, end, 201))
+        inside = reference.values_at(np.linspace(begin, end, 201))
         assert np.all(inside >= min(low, high) - 1e-9) and np.all(inside <= max(low, high) + 1e-9)
         # at rest, and without a jolt: the third power of what is left at either end
         near = 1e-3 * (end - begin)
-        step = reference.at(np.array([begin, begin + near, end - near, end]))
+        step = reference.values_at(np.array([begin, begin + near, end - near, end]))
         assert abs(step[1] - step[0]) <= 1.1e-8 * abs(high - low) + 1e-12
         assert abs(step[3] - step[2]) <= 1.1e-8 * abs(high - low) + 1e-12
-    assert reference.at(np.array([-1.0, times[-1] + 5])) == pytest.approx([values[0], values[-1]])
+    assert reference.values_at(np.array([-1.0, times[-1] + 5])) == pytest.approx([values[0], values[-1]])
 
 
 @pytest.mark.parametrize(

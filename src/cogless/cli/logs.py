@@ -236,7 +236,7 @@ def diagnose(
         )
     for line in diagnosis.lines(result):
         print_text(line, others="  ")
-    _print_remarks((), result.said)
+    _print_remarks((), result.remarks)
     if output is not None:
         from cogless.report import diagnosed as report
         from cogless.results.folder import locked_folder, new_set

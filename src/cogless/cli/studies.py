@@ -351,7 +351,7 @@ def live(
     path = output or Path(f"{results_name(loaded.source.path)}-live.html")
     texts = {} if own_motor else _limits(loaded, limits, jobs)
     with new_console(stderr=True).status("Making the page"):
-        write(loaded, path, command_line("run", study, changes, []), told=own_motor, limits=texts)
+        write(loaded, path, command_line("run", study, changes, []), for_own_motor=own_motor, limits=texts)
     for line in left_out(loaded):
         say(f"Left out of the page: {line}")
     print(f"Page: {path}")
@@ -363,13 +363,13 @@ def live(
 
 def _limits(study: AnyStudy, asked: bool | None, jobs: int) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
-    from cogless.live.description import held
+    from cogless.live.description import page_runs
     from cogless.report import has_limits, is_quick
     from cogless.run.simulate import RunError, run_study
 
     if asked is False or not has_limits(study):
         return {}
-    pairs = [pair for pair in held(study) if asked or is_quick(study, *pair)]
+    pairs = [pair for pair in page_runs(study) if asked or is_quick(study, *pair)]
     if not pairs:
         return {}
     try:

@@ -65,7 +65,7 @@ class Series:
     c: tuple[complex, ...]
     table: AngleTable | None = None
 
-    def at(self, theta: Real, derivative: int = 0, above: bool = True) -> Real:
+    def values_at(self, theta: Real, derivative: int = 0, above: bool = True) -> Real:
         """The value or a derivative at theta; at a table's point the slope above or below that point."""
         sum_ = np.full(theta.shape, self.constant if derivative == 0 else 0.0)
         for n, c in zip(self.orders, self.c, strict=True):
@@ -113,11 +113,11 @@ class AngleFunctions:
 
     def h(self, theta: Real) -> Real:
         """h = J / K at the mechanical angle theta, A*s^2/rad."""
-        return np.asarray(self.J / self.K.at(theta))
+        return np.asarray(self.J / self.K.values_at(theta))
 
     def alpha(self, theta: Real) -> Real:
         """alpha = (T_L - cogging) / K at the mechanical angle theta, A."""
-        return np.asarray(self.torque.at(theta) / self.K.at(theta))
+        return np.asarray(self.torque.values_at(theta) / self.K.values_at(theta))
 
     def current(self, theta: Real, omega_m: float) -> Real:
         """Current that a constant mechanical speed omega_m, rad/s, needs: alpha + omega_m beta, A."""
@@ -125,7 +125,7 @@ class AngleFunctions:
 
     def beta(self, theta: Real) -> Real:
         """beta = D / K at the mechanical angle theta, A*s/rad."""
-        return np.asarray(self.D / self.K.at(theta))
+        return np.asarray(self.D / self.K.values_at(theta))
 
     def waves(self, omega_m: float) -> Real:
         """Amplitude of each whole order of that current, from order 0, which has twice its mean, A."""
@@ -141,15 +141,17 @@ class AngleFunctions:
     def bounds(self) -> Bounds | None:
         """Bounds of assumption A.3; None if K reaches zero, which the paper excludes too (a_h > 0)."""
         theta, margin = self._grid()
-        K, slope = self.K.at(theta), self.K.at(theta, 1)
+        K, slope = self.K.values_at(theta), self.K.values_at(theta, 1)
         rises = self.K.rises
         least, most = (float(np.min(K)) - margin * rises[2], float(np.max(K)) + margin * rises[2])
         if least <= 0:
             return None
         u = _reciprocal(rises, least)  # bounds of 1 / K
         steepest = float(np.max(np.abs(slope / K**2))) + margin * u[3]
-        torque, alpha = self.torque.at(theta), _product(self.torque.rises, u)
-        alpha_slopes = [(self.torque.at(theta, 1, above) - torque * slope / K) / K for above in (True, False)]
+        torque, alpha = self.torque.values_at(theta), _product(self.torque.rises, u)
+        alpha_slopes = [
+            (self.torque.values_at(theta, 1, above) - torque * slope / K) / K for above in (True, False)
+        ]
         return Bounds(
             h_m=self.J / most,
             h_M=self.J / least,

@@ -19,11 +19,12 @@ import numpy as np
 from cogless.drives.holding_current import AngleWaves, HoldingCurrent
 from cogless.errors import StudyError
 from cogless.files import no_device, reason
-from cogless.identify.files import Array, LogColumns, printable
+from cogless.identify.files import LogColumns, printable
 from cogless.identify.log import HEADINGS_SHOWN
 from cogless.identify.read_log import read
 from cogless.printer.axis import Axis
 from cogless.printer.corrections import Correction
+from cogless.results.trace import Array
 
 RAMP_TIME = 1.0  # s, from rest to the first speed of a motion and from the last to rest
 FRAME_FILE = "drive.json"  # stands beside the results of identify

@@ -12,7 +12,7 @@ from cogless.c_literals import array
 from cogless.drives.adapter import TableFrame, TableText
 from cogless.drives.holding_current import AngleWaves, Waves, cancelling_waves, samples
 from cogless.errors import StudyError
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 
 MOTEUS_POINTS, MOTEUS_STEPS = 256, 127
 WAVE_ENTRIES, SIMPLEFOC_ENTRIES_LEAST = 8, 128  # entries for a wave of the highest order; and of a table

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.identify.files import Array
 from cogless.identify.read_log import read
+from cogless.results.trace import Array
 
 FAULT_ROWS_LEAST = 3  # rows before a fault; a log with fewer is of no use
 LEFT_TIME_LEAST = 0.5  # s, in another mode; a shorter end of a log is not named

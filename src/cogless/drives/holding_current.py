@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.files import reason
-from cogless.identify.files import Array
 from cogless.maps import stored_map
 from cogless.maps.stored_map import CURRENT_CODE
+from cogless.results.trace import Array
 
 FINE_POINTS = 16  # for each entry of a table, or for each wave of the highest order
 ORDER_LEAST = 1e-6  # an order below this share of the largest is rounding

@@ -12,7 +12,7 @@ import numpy as np
 from cogless.drives.adapter import Adapter, Certainty, Feature, TableFrame, TableText
 from cogless.drives.holding_current import HoldingCurrent, samples
 from cogless.errors import StudyError
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 
 AKD_ENTRIES = 8192
 AX8000_WAVES, AX8000_ORDER_MOST = 10, 200

@@ -36,9 +36,10 @@ from cogless.drives.moteus_script import write_script
 from cogless.drives.moteus_stream import STREAM_SUFFIX, read_stream
 from cogless.drives.row_times import overlay, sent_times
 from cogless.errors import StudyError
-from cogless.identify.files import Array, LogColumns, printable, require_bytes
+from cogless.identify.files import LogColumns, printable, require_bytes
 from cogless.identify.log import ended_early
 from cogless.identify.read_log import read
+from cogless.results.trace import Array
 
 ENTRY_MOST = 127
 STATS_CHANNEL, POSITION_CHANNEL = "servo_stats", "motor_position"

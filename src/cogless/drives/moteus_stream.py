@@ -12,7 +12,8 @@ import numpy as np
 from cogless.drives.moteus_dump import Dump
 from cogless.errors import StudyError
 from cogless.files import no_device
-from cogless.identify.files import Array, readable, require_bytes
+from cogless.identify.files import readable, require_bytes
+from cogless.results.trace import Array
 
 STREAM_SUFFIX = ".bin"
 RECORD_MARK = 0x5A

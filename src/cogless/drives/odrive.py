@@ -31,8 +31,9 @@ from cogless.drives.fault_rows import faults, numbers
 from cogless.drives.holding_current import HoldingCurrent, from_samples
 from cogless.drives.odrive_script import write_script
 from cogless.errors import StudyError
-from cogless.identify.files import Array, printable
+from cogless.identify.files import printable
 from cogless.identify.read_log import read
+from cogless.results.trace import Array
 
 CONFIG_HINT = "the JSON of odrivetool backup-config"
 MAP_CELLS = 3600

@@ -10,8 +10,8 @@ import numpy as np
 from cogless.drives.adapter import Adapter, Certainty, Feature, TableFrame, TableText
 from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
 from cogless.errors import StudyError
-from cogless.identify.files import Array
 from cogless.identify.read_log import read
+from cogless.results.trace import Array
 
 ANGLE_HEADING, CURRENT_HEADING = "angle [deg]", "current [A]"
 TABLE_ROWS_LEAST, WAVE_ROWS = 360, 16

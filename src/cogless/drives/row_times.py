@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 
 BUNCH_ROWS = 10  # rows that may arrive together
 RATE_SPREAD = (

@@ -238,7 +238,7 @@ class Plan:
     study: AnyStudy
     ensemble: Ensemble
     pairs: Sequence[Pair]
-    about: Mapping[str, Any]  # tells this sweep from others, in its journal
+    identity: Mapping[str, Any]  # tells this sweep from others, in its journal
 
     @property
     def chunks(self) -> int:
@@ -259,7 +259,7 @@ class Plan:
 
     def for_shards(self, shard: Shard) -> dict[str, Any]:
         """What a journal says it is; a shard also says how many variants there are, which decide its part."""
-        return {**self.about, **({"variants": self.ensemble.count} if shard.of > 1 else {})}
+        return {**self.identity, **({"variants": self.ensemble.count} if shard.of > 1 else {})}
 
 
 def plan(study: AnyStudy, count: int, only: Sequence[str] | None = None) -> Plan:

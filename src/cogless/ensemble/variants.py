@@ -82,7 +82,7 @@ def tried(study: AnyStudy, table: str, changes: dict[str, Any]) -> None:
         changed(study, changes)
     except StudyError as error:
         path = str(study.source.path)
-        lines = (line.removeprefix(f"{path}: ") for line in str(error).splitlines())
+        lines = (line.removeprefix(f"{path}: ") for line in error.mistakes)
         raise StudyError("\n".join(f"{path}: {table}: {line}" for line in lines)) from None
 
 

@@ -23,9 +23,9 @@ class Advice(str):
     cures: tuple[Cure, ...]
 
     def __new__(cls, text: str, *cures: Cure) -> Advice:
-        made = super().__new__(cls, text)
-        made.cures = cures
-        return made
+        advice = super().__new__(cls, text)
+        advice.cures = cures
+        return advice
 
 
 class AdvisedError(StudyError):
@@ -33,7 +33,12 @@ class AdvisedError(StudyError):
 
     def __init__(self, *lines: str) -> None:
         super().__init__("\n".join(lines))
-        self.lines = lines
+        self._mistakes = lines
+
+    @property
+    def mistakes(self) -> tuple[str, ...]:
+        """The sentences, those that advise with their changes."""
+        return self._mistakes
 
 
 def recording(**values: Any) -> Cure:
@@ -56,12 +61,12 @@ def changed(tables: Mapping[str, Any], cure: Cure) -> dict[str, Any]:
 
     ValueError: the change is to a log, not to the file of columns.
     """
-    made = copy.deepcopy(dict(tables))
+    new_tables = copy.deepcopy(dict(tables))
     for key, value in cure.items():
         room, *path, last = key.split(".")
         if room == RECORD:
             raise ValueError(f"{key}: a log, not the file of columns")
-        table = made.setdefault(room, {})
+        table = new_tables.setdefault(room, {})
         for name in path:
             if isinstance(table.get(name), str):  # the heading of a column
                 table[name] = {"name": table[name]}
@@ -69,4 +74,4 @@ def changed(tables: Mapping[str, Any], cure: Cure) -> dict[str, Any]:
         table[last] = value
         for word in replaced_by(last) if room == "motor" else ():
             table.pop(word, None)
-    return made
+    return new_tables

@@ -17,22 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from cogless.identify.files import Array
-from cogless.identify.kernel import REACH, Kernel, shifted
+from cogless.identify.kernel import REACH_WIDTHS, Kernel, shifted
 from cogless.identify.log import Log
 from cogless.identify.standing import angle_noise, creep_speed, resolved_angle, slowest_speed, standing
+from cogless.results.trace import Array
 
 LADDER = (0.006, 0.009, 0.013, 0.02, 0.03, 0.045, 0.07, 0.1)  # s, widths of the acceleration's instruments
 WIDE_INSTRUMENT = 5  # of the ladder, before another is chosen
-STEP_SHARE = 0.8  # rows that are kept, in widths of the kernel
-SEEN_PHASE, HELD_PHASE = (
-    2.4,
-    1.2,
-)  # rad that a visible wave turns in a row, and in a period of the law, at most
+ROW_SPACING = 0.8  # distance of the rows that stay, in widths of the kernel
+# rad that a visible wave turns in a row, and in a period of the law, at most
+SEEN_PHASE, HELD_PHASE = 2.4, 1.2
 ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own where its phase is not known
-STATIC_SHARE = 0.01  # largest share of a row in which the rotor may stand
-WIDTH = 6e-3  # s, of a kernel before the noises are known
-VISIBLE = 1 / 3  # of the sampling rate: a faster wave is not seen
+STANDING_SHARE_MOST = 0.01  # share of a row in which the rotor may stand
+KERNEL_WIDTH = 6e-3  # s, before the noises are known
+WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
 WIDTH_ROWS = 2.5  # smallest width of a kernel
 Name = tuple[str | int, ...]
 Filter = Callable[..., Array]
@@ -67,7 +65,7 @@ class Model:
 
     def width(self, log: Log) -> float:
         """Width of a log's kernel, s."""
-        return max(self.widths.get(log.name, WIDTH), WIDTH_ROWS * log.dt)
+        return max(self.widths.get(log.name, KERNEL_WIDTH), WIDTH_ROWS * log.dt)
 
 
 @dataclass(frozen=True)
@@ -76,12 +74,12 @@ class Sensor:
 
     step: float
     pole_pairs: int
-    held: float = 0.0
+    hold_period: float = 0.0
 
     def top(self, log: Log) -> float:
         """Angular frequency of the fastest wave whose phase a log can tell, rad/s."""
         by_rows = SEEN_PHASE / log.dt if log.dt else np.inf
-        return min(by_rows, HELD_PHASE / self.held if self.held else np.inf)
+        return min(by_rows, HELD_PHASE / self.hold_period if self.hold_period else np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +105,15 @@ class Rows:
     def without(self, kind: str, order: int) -> Rows:
         """These rows without the columns of a kind and order; a log's own waves are cogging."""
         kinds = ("cogging", "own") if kind == "cogging" else (kind,)
-        stay = np.array([name[:2] not in [(each, order) for each in kinds] for name in self.names])
+        removed = [(column_kind, order) for column_kind in kinds]
+        stay = np.array([name[:2] not in removed for name in self.names])
         names = tuple(name for name, stays in zip(self.names, stay, strict=True) if stays)
         return replace(self, names=names, columns=self.columns[:, stay])
 
 
 def all_names(rows: Sequence[Rows]) -> tuple[Name, ...]:
     """Names of all columns, in the order of their first place."""
-    return tuple(dict.fromkeys(name for each in rows for name in each.names))
+    return tuple(dict.fromkeys(name for stretch in rows for name in stretch.names))
 
 
 def corrected(theta: Array, model: Model) -> Array:
@@ -151,7 +150,7 @@ def _waves(theta: Array, orders: Iterable[int]) -> Iterator[tuple[int, NDArray[n
 def rows_of(log: Log, model: Model, sensor: Sensor) -> list[Rows]:
     """Rows of each stretch of a log that is long enough."""
     if log.kind == "hold" and not log.dt:
-        return [_held(log, model)]
+        return [_hold_rows(log, model)]
     kernel = Kernel(model.width(log), log.dt, model.delay)
     moving = (_moving(log, rows, model, kernel, sensor) for rows in log.stretches if _long(rows, kernel))
     return [rows for rows in moving if len(rows.y)]
@@ -164,7 +163,7 @@ def _long(rows: slice, kernel: Kernel) -> bool:
 
 def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sensor) -> Rows:
     width, dt = model.width(log), log.dt
-    step = max(1, round(STEP_SHARE * width / dt))
+    step = max(1, round(ROW_SPACING * width / dt))
     theta = corrected(log["theta"][stretch], model)
     zero = np.zeros_like(theta)
     coasts = "i_q" not in log or log.kind == "coast-down"
@@ -177,7 +176,7 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     way = np.sign(slow)
 
     def filtered(x: Array, weights: Array = kernel.value) -> Array:
-        return kernel.of(x, weights, step)
+        return kernel.filter(x, weights, step)
 
     alpha, omega = filtered(theta, kernel.acceleration), filtered(theta, kernel.speed)
     count, rubbing = len(alpha), filtered(way)
@@ -197,24 +196,25 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     moved = np.abs(omega) * dt / sensor.step if sensor.step else np.ones(count)
     share = np.minimum(1.0, moved) * noise  # slower, the steps are a sawtooth
     derived = {("j",): kernel.acceleration, ("b",): kernel.speed}
-    slowest = max(slowest_speed(sensor.step, REACH * width), creep, 1e-9)  # at a reversal it does not slide
-    sliding = (np.abs(rubbing) > 0.999) & (filtered(stands.astype(np.float64)) < STATIC_SHARE)
+    # at a reversal the rotor does not slide
+    slowest = max(slowest_speed(sensor.step, REACH_WIDTHS * width), creep, 1e-9)
+    sliding = (np.abs(rubbing) > 0.999) & (filtered(stands.astype(np.float64)) < STANDING_SHARE_MOST)
     free = sliding & (np.abs(omega) > slowest)
     at = (kernel.half + step * np.arange(count)).astype(np.float64)
     middle = turned[kernel.half : kernel.half + step * count : step]
     instruments = _instruments(alpha, step * dt)
     matrix = np.column_stack(list(columns.values()))
     return Rows(
-        log,
-        tuple(columns),
-        matrix[free],
-        y[free],
-        {name: share[free] * np.sum(weights**2) for name, weights in derived.items() if name in columns},
-        middle[free],
-        omega[free],
-        stretch.start + at[free],
-        instruments[:, free],
-        step * dt,
+        log=log,
+        names=tuple(columns),
+        columns=matrix[free],
+        y=y[free],
+        noise={key: share[free] * np.sum(weights**2) for key, weights in derived.items() if key in columns},
+        theta=middle[free],
+        omega=omega[free],
+        at=stretch.start + at[free],
+        instruments=instruments[:, free],
+        spacing=step * dt,
     )
 
 
@@ -289,7 +289,7 @@ def _weights(count: int, spacing: float) -> Array:
     return np.array([_smooth(np.ones(count), width / spacing) for width in LADDER])
 
 
-def _held(log: Log, model: Model) -> Rows:
+def _hold_rows(log: Log, model: Model) -> Rows:
     """Rows of a hold map, where the rotor came from one direction or the other."""
     theta, current = corrected(log["theta"], model), log["i_q"]
     columns: dict[Name, Array] = {("c_hold",): log["direction"]}
@@ -300,13 +300,13 @@ def _held(log: Log, model: Model) -> Rows:
             for part, wave in (("c", np.cos), ("s", np.sin)):
                 columns[kind, order, part] = -wave(order * theta) * (current if kind == "ripple" else 1.0)
     return Rows(
-        log,
-        tuple(columns),
-        np.column_stack(list(columns.values())),
-        current,
-        {},
-        theta,
-        np.zeros(len(theta)),
-        np.arange(len(theta), dtype=np.float64),
-        np.zeros((len(LADDER), len(theta))),
+        log=log,
+        names=tuple(columns),
+        columns=np.column_stack(list(columns.values())),
+        y=current,
+        noise={},
+        theta=theta,
+        omega=np.zeros(len(theta)),
+        at=np.arange(len(theta), dtype=np.float64),
+        instruments=np.zeros((len(LADDER), len(theta))),
     )

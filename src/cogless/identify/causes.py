@@ -40,12 +40,13 @@ APPLIED = "applied current"  # of the bridge's voltages, or of a reference that 
 BEYOND = "beyond the rows"  # an order that is too fast for them, and which they show as another
 OR = " or "
 SLOW_ORDERS = 2  # up to it: unbalance and misalignment; magnets and slots have higher ones
-TAPS = 4  # rows in which the current follows its reference
-CLEAR, LIKELY = 0.8, 0.5  # of an order: the largest cause less its error
-GUESSED = 0.5  # error of a cause by its order alone, so that it is open
-FASTER = 1.5  # ratio of two speeds that tells a torque from an error of the angle
-APART = 4.0  # ratio of what two explanations leave, from which on the better one counts
-UNSURE = 0.5  # of an order that may stay unexplained
+REFERENCE_ROWS = 4  # rows in which the current follows its reference
+# an order's largest cause is sure, or likely, if its share less its error is above these
+SURE_SHARE, LIKELY_SHARE = 0.8, 0.5
+GUESS_ERROR = 0.5  # error of a cause by its order alone, so that it is open
+SPEED_RATIO_LEAST = 1.5  # ratio of two speeds that tells a torque from an error of the angle
+REMAINDER_RATIO = 4.0  # ratio of what two explanations leave, from which on the better one counts
+UNEXPLAINED_MOST = 0.5  # share of an order that may stay unexplained
 BALANCED_SHARE = 0.25  # of the current's wave: with less of it left, the current is all that moves the rotor
 
 
@@ -59,7 +60,7 @@ class Cause:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class OrderCauses:
     """An order of the speed in a log, and its causes, the largest first.
 
     `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: of the motion by the angle, rms, rad/s;
@@ -85,23 +86,23 @@ class Found:
             return "cannot be told apart"
         unexplained = sum(abs(cause.share) for cause in self.causes if cause.name == UNEXPLAINED)
         least = self.causes[0].share - self.causes[0].error
-        if unexplained > UNSURE or least <= LIKELY:
+        if unexplained > UNEXPLAINED_MOST or least <= LIKELY_SHARE:
             return "open"
-        return "sure" if least > CLEAR else "likely"
+        return "sure" if least > SURE_SHARE else "likely"
 
 
 Phasors = dict[str, tuple[complex, float]]  # by cause: the disturbance, A, and its error at 95 %
 
 
-def attributed(made: Estimate, parts: Sequence[Steady]) -> list[Found]:
+def attributed(estimate: Estimate, parts: Sequence[Steady]) -> list[OrderCauses]:
     """The waves of the speed in these parts, each with the shares of its causes."""
-    responses = tracking(made, parts)
+    responses = tracking(estimate, parts)
     pairs = [(part, order) for part in parts for order in part.orders]
-    apart = _by_speeds(made, pairs)
-    return [_attributed(made, part, order, responses, apart.get(order)) for part, order in pairs]
+    apart = _by_speeds(estimate, pairs)
+    return [_attributed(estimate, part, order, responses, apart.get(order)) for part, order in pairs]
 
 
-def _by_speeds(made: Estimate, pairs: Sequence[tuple[Steady, int]]) -> dict[int, Cause]:
+def _by_speeds(estimate: Estimate, pairs: Sequence[tuple[Steady, int]]) -> dict[int, Cause]:
     """Causes of the orders that are not in the fit, by the growth of their disturbance with the speed.
 
     The disturbance of a torque is the same at all speeds. That of an error of the angle grows with the speed
@@ -109,15 +110,15 @@ def _by_speeds(made: Estimate, pairs: Sequence[tuple[Steady, int]]) -> dict[int,
     """
     by_order: dict[int, list[Steady]] = {}
     for part, order in pairs:
-        several = candidates(order, made.known.motor.pole_pairs) != COGGING + OR + ENCODER
-        if not disturbances(made, part, order) and (order <= SLOW_ORDERS or not several):
+        several = candidates(order, estimate.identification.motor.pole_pairs) != COGGING + OR + ENCODER
+        if not disturbances(estimate, part, order) and (order <= SLOW_ORDERS or not several):
             by_order.setdefault(order, []).append(part)
     causes = {}
     for order, parts in by_order.items():
         speeds = np.array([order * part.speed for part in parts])
-        if np.max(np.abs(speeds)) < FASTER * np.min(np.abs(speeds)):
+        if np.max(np.abs(speeds)) < SPEED_RATIO_LEAST * np.min(np.abs(speeds)):
             continue
-        waves, errors = np.transpose([_measured(made, part, order) for part in parts])
+        waves, errors = np.transpose([_measured(estimate, part, order) for part in parts])
         weights = 1 / np.maximum(np.abs(errors), 0.05 * np.abs(waves)) ** 2
         rest = []
         for shape in (np.ones(len(speeds)), speeds**2):
@@ -125,54 +126,55 @@ def _by_speeds(made: Estimate, pairs: Sequence[tuple[Steady, int]]) -> dict[int,
             rest.append(float(np.sum(weights * np.abs(waves - size * shape) ** 2)))
         whole = float(np.sum(weights * np.abs(waves) ** 2))
         torque, angle = rest
-        if max(rest) > APART * min(rest) and min(rest) < whole / APART:
-            name = ENCODER if angle < torque else _cogging(made, order)
+        if max(rest) > REMAINDER_RATIO * min(rest) and min(rest) < whole / REMAINDER_RATIO:
+            name = ENCODER if angle < torque else _cogging(estimate, order)
             causes[order] = Cause(name, 1.0, math.sqrt(min(rest) / whole))
     return causes
 
 
 def _attributed(
-    made: Estimate,
+    estimate: Estimate,
     part: Steady,
     order: int,
     responses: Mapping[int, tuple[complex, float]],
     by_speeds: Cause | None = None,
-) -> Found:
-    known = disturbances(made, part, order)
-    measured, blurred = _measured(made, part, order)
-    current_wave = part.current_wave(order, made.model.delay / part.log.dt)
+) -> OrderCauses:
+    poles, phasors = estimate.identification.motor.pole_pairs, disturbances(estimate, part, order)
+    measured, blurred = _measured(estimate, part, order)
+    current_wave = part.current_wave(order, estimate.model.delay / part.log.dt)
     size = max(abs(current_wave), 1e-9)  # A
     balance = (abs(measured) + blurred) / size
-    left: complex = measured - sum(phasor for phasor, _ in known.values())
-    left *= max(0.0, 1 - blurred / (abs(left) or 1.0))
-    told = bool(known)
-    if id(part) in responses and order == 6 * made.known.motor.pole_pairs:
-        _dead_time(made, part, order, responses[id(part)], known)
-    offsets = made.offsets
-    if order == made.known.motor.pole_pairs and offsets is not None:  # out of i_q already, as is dead time
+    remainder: complex = measured - sum(phasor for phasor, _ in phasors.values())
+    remainder *= max(0.0, 1 - blurred / (abs(remainder) or 1.0))
+    in_fit = bool(phasors)
+    if id(part) in responses and order == 6 * poles:
+        _dead_time(estimate, part, order, responses[id(part)], phasors)
+    offsets = estimate.offsets
+    if order == poles and offsets is not None:  # out of i_q already, as is dead time
         turned = [o * np.exp(-2j * np.pi / 3 * third) for third, o in enumerate(offsets)]
-        known[OFFSET] = complex(-1j * 2 / 3 * sum(turned)), 0.0
-    inside = sum(abs(known[name][0]) for name in (OFFSET, DEAD_TIME) if name in known)
-    if not told and max(balance, inside / size) < BALANCED_SHARE:
-        return found_in(part, order, [Cause(APPLIED, 1.0, balance)])
-    known[UNEXPLAINED] = left, 0.0
+        phasors[OFFSET] = complex(-1j * 2 / 3 * sum(turned)), 0.0
+    inside = sum(abs(phasors[name][0]) for name in (OFFSET, DEAD_TIME) if name in phasors)
+    if not in_fit and max(balance, inside / size) < BALANCED_SHARE:
+        return order_causes(part, order, [Cause(APPLIED, 1.0, balance)])
+    phasors[UNEXPLAINED] = remainder, 0.0
     misread = part.misread(order)
-    if misread and ENCODER in known:  # The shares are those of the rotor's own motion.
-        shown = part.motion(order) + misread
-        known = {name: (phasor * shown, error * abs(shown)) for name, (phasor, error) in known.items()}
-        relative = known[ENCODER][1] / (abs(known[ENCODER][0]) or 1.0)
-        known[ENCODER] = current_wave * misread, relative * abs(current_wave * misread)
-        left, blurred = left * shown, blurred * abs(shown)
-    whole = sum(phasor for phasor, _ in known.values())
-    if not whole or (not told and abs(left) > LIKELY * abs(whole)):  # left out of the fit, or never found
-        return found_in(
-            part, order, [by_speeds] if by_speeds else guess(part, order, made.known.motor.pole_pairs)
-        )
+    if misread and ENCODER in phasors:  # The shares are those of the rotor's own motion.
+        measured_wave = part.motion(order) + misread
+        phasors = {
+            name: (phasor * measured_wave, error * abs(measured_wave))
+            for name, (phasor, error) in phasors.items()
+        }
+        relative = phasors[ENCODER][1] / (abs(phasors[ENCODER][0]) or 1.0)
+        phasors[ENCODER] = current_wave * misread, relative * abs(current_wave * misread)
+        remainder, blurred = remainder * measured_wave, blurred * abs(measured_wave)
+    whole = sum(phasor for phasor, _ in phasors.values())
+    if not whole or (not in_fit and abs(remainder) > LIKELY_SHARE * abs(whole)):  # the fit does not have it
+        return order_causes(part, order, [by_speeds] if by_speeds else guess(part, order, poles))
     causes = [
         Cause(name, float((phasor / whole).real), float(np.hypot(error, blurred) / abs(whole)))
-        for name, (phasor, error) in known.items()
+        for name, (phasor, error) in phasors.items()
     ]
-    return found_in(part, order, causes)
+    return order_causes(part, order, causes)
 
 
 def candidates(order: int, poles: int) -> str:
@@ -193,7 +195,7 @@ def candidates(order: int, poles: int) -> str:
 def guess(part: Steady, order: int, poles: int) -> list[Cause]:
     """Possible causes of an order by its number. One is a faster order that the rows show as this one."""
     if order > part.waves.half_rate:
-        return [Cause(BEYOND, 1.0, GUESSED)]
+        return [Cause(BEYOND, 1.0, GUESS_ERROR)]
     names = candidates(order, poles)
     if any(
         abs(folded(own, part.rows_a_turn) - order) * part.turns < 1
@@ -201,23 +203,23 @@ def guess(part: Steady, order: int, poles: int) -> list[Cause]:
         if own > part.waves.half_rate
     ):
         names += OR + BEYOND
-    return [Cause(names, 1.0, GUESSED)]
+    return [Cause(names, 1.0, GUESS_ERROR)]
 
 
-def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
+def order_causes(part: Steady, order: int, causes: Sequence[Cause]) -> OrderCauses:
     """An order of a part's speed, and its causes."""
     motion, misread = abs(part.motion(order)) ** 2 / 2, abs(part.misread(order)) ** 2 / 2
     whole = motion + misread
     measured = misread / whole
     if measured:
         moved = 1 - measured
-        causes = [Cause(each.name, moved * each.share, moved * each.error) for each in causes]
-        own = next((each for each in causes if each.name == ENCODER), Cause(ENCODER, 0.0, 0.0))
-        causes = [each for each in causes if each is not own]
+        causes = [Cause(cause.name, moved * cause.share, moved * cause.error) for cause in causes]
+        own = next((cause for cause in causes if cause.name == ENCODER), Cause(ENCODER, 0.0, 0.0))
+        causes = [cause for cause in causes if cause is not own]
         causes.append(Cause(ENCODER, own.share + measured, own.error))
     ordered = tuple(sorted(causes, key=lambda cause: -cause.share))
     share = whole / part.ripple**2
-    return Found(
+    return OrderCauses(
         log=part.log.name,
         speed=abs(part.speed),
         load=part.load,
@@ -229,101 +231,103 @@ def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
     )
 
 
-def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]:
+def _measured(estimate: Estimate, part: Steady, order: int) -> tuple[complex, float]:
     """The disturbance of this order by angle and current, A, and its possible error.
 
     The angle's noise makes an error. So does the current that is held between the law's steps, since it
     appears up to half a row early or late.
     """
     omega = part.motion(order) + part.misread(order)
-    assert made.fit is not None
-    j, b = made.fit.get("j"), made.fit.get("b")
-    current = part.current_wave(order, made.model.delay / part.log.dt)
+    assert estimate.fit is not None
+    j, b = estimate.fit.get("j"), estimate.fit.get("b")
+    current = part.current_wave(order, estimate.model.delay / part.log.dt)
     blurred = abs(current) * order * abs(part.speed) * part.log.dt / 2
     by_speed = 1j * order * part.speed * j + b
     noise = abs(by_speed * order * part.speed) * part.waves.error.get(order, 0.0)
     return by_speed * omega - current, math.hypot(blurred, noise)
 
 
-def disturbances(made: Estimate, part: Steady, order: int) -> Phasors:
+def disturbances(estimate: Estimate, part: Steady, order: int) -> Phasors:
     """Waves of torque that the fit has for this order, over K_t, by cause."""
-    assert made.fit is not None
-    found, poles = made.fit, made.known.motor.pole_pairs
+    assert estimate.fit is not None
+    fit, poles = estimate.fit, estimate.identification.motor.pole_pairs
     waves: Phasors = {}
 
     def add(cause: str, kind: str, factor: float) -> None:
-        c, s = (found[kind, order, part] for part in "cs")
-        error = 2 * float(np.hypot(found.error((kind, order, "c")), found.error((kind, order, "s"))))
+        c, s = (fit[kind, order, part] for part in "cs")
+        error = 2 * float(np.hypot(fit.error((kind, order, "c")), fit.error((kind, order, "s"))))
         before = waves.get(cause, (0j, 0.0))
         waves[cause] = before[0] + factor * complex(c, -s), float(np.hypot(before[1], abs(factor) * error))
 
-    shown = order != poles or found.chance("cogging", order) < ORDER_CHANCE  # p is in every fit
-    if order in made.model.cogging and shown:
-        add(_cogging(made, order), "cogging", 1.0)
-    if order in made.model.ripple:
+    stands_out = order != poles or fit.chance("cogging", order) < ORDER_CHANCE  # p is in every fit
+    if order in estimate.model.cogging and stands_out:
+        add(_cogging(estimate, order), "cogging", 1.0)
+    if order in estimate.model.ripple:
         add(GAIN if order == 2 * poles else RIPPLE, "ripple", part.current)
-    if order in made.model.encoder:
-        j = found.get("j")
-        c, s = made.model.error.get(order, (0.0, 0.0))
+    if order in estimate.model.encoder:
+        j = fit.get("j")
+        c, s = estimate.model.error.get(order, (0.0, 0.0))
         factor = -((order * part.speed) ** 2)
         add(ENCODER, "encoder", factor)
-        left, error = waves[ENCODER]
-        waves[ENCODER] = left + factor * j * complex(c, -s), error
+        phasor, error = waves[ENCODER]
+        waves[ENCODER] = phasor + factor * j * complex(c, -s), error
     return waves
 
 
-def _cogging(made: Estimate, order: int) -> str:
+def _cogging(estimate: Estimate, order: int) -> str:
     """What a torque of this order that depends on neither speed nor load may come from."""
-    poles = made.known.motor.pole_pairs
-    if order == poles and made.offsets is None:
+    poles = estimate.identification.motor.pole_pairs
+    if order == poles and estimate.offsets is None:
         return COGGING + OR + OFFSET
-    if CURES["ripple"].format(order) in made.left_out:  # an error of the angle is a column of its own
+    if CURES["ripple"].format(order) in estimate.left_out:  # an error of the angle is a column of its own
         return candidates(order, poles).removesuffix(OR + ENCODER)
     return MECHANICS if order <= SLOW_ORDERS else COGGING
 
 
-def tracking(made: Estimate, parts: Sequence[Steady]) -> dict[int, tuple[complex, float]]:
+def tracking(estimate: Estimate, parts: Sequence[Steady]) -> dict[int, tuple[complex, float]]:
     """Waves of order 6 p by which i_q leaves its reference, A, with errors, by id of the part.
 
     The current follows its reference within a few rows, in the same way in all parts. What is left at 6 p is
     of the inverter and the magnets. Empty where no reference was recorded.
     """
-    order = 6 * made.known.motor.pole_pairs
+    order = 6 * estimate.identification.motor.pole_pairs
     parts = [part for part in parts if "i_q_ref" in part.log and part.visible(order)]
     if not parts:
         return {}
     blocks, targets = [], []
     for k, part in enumerate(parts):
         reference = part.log["i_q_ref"]
-        rows = part.rows[TAPS:]
+        rows = part.rows[REFERENCE_ROWS:]
         own = np.zeros((len(rows), 3 * len(parts)))
         turned = order * part.log["theta"][rows]
         own[:, 3 * k : 3 * k + 3] = np.column_stack((np.cos(turned), np.sin(turned), np.ones(len(rows))))
-        blocks.append(np.hstack([np.column_stack([reference[rows - m] for m in range(TAPS)]), own]))
+        blocks.append(np.hstack([np.column_stack([reference[rows - m] for m in range(REFERENCE_ROWS)]), own]))
         targets.append(part.log["i_q"][rows])
     columns, target = np.vstack(blocks), np.concatenate(targets)
     values, *_ = np.linalg.lstsq(columns, target, rcond=None)
     noise = float(np.std(target - columns @ values))
     spread = noise * np.sqrt(np.diag(np.linalg.pinv(columns.T @ columns)))
-    found = {}
+    tracking_waves = {}
     for k, part in enumerate(parts):
-        c, s = TAPS + 3 * k, TAPS + 3 * k + 1
-        found[id(part)] = (complex(values[c], -values[s]), 2 * float(np.hypot(spread[c], spread[s])))
-    return found
+        c, s = REFERENCE_ROWS + 3 * k, REFERENCE_ROWS + 3 * k + 1
+        tracking_waves[id(part)] = (complex(values[c], -values[s]), 2 * float(np.hypot(spread[c], spread[s])))
+    return tracking_waves
 
 
-def _dead_time(made: Estimate, part: Steady, order: int, off: tuple[complex, float], known: Phasors) -> None:
+def _dead_time(
+    estimate: Estimate, part: Steady, order: int, off: tuple[complex, float], phasors: Phasors
+) -> None:
     """Tell apart what disturbs the current: the inverter, and the back-EMF, which ripples as K_t does."""
     wave, error = off
     if abs(wave) < error:
         return
     emf = 0j
-    if RIPPLE in known and part.load:
-        star, drive = made.known.motor.star(), made.known.drive
+    if RIPPLE in phasors and part.load:
+        star, drive = estimate.identification.motor.star(), estimate.identification.drive
         gains = drive.current_loop.gains(drive.belief.resolved(star))
         s = 1j * order * part.speed
-        share = known[RIPPLE][0] / part.current
+        share = phasors[RIPPLE][0] / part.current
         voltage = star.pole_pairs * part.speed * star.psi_f * share
         emf = -voltage * s / (star.L_q * s**2 + (star.R_s + gains["kp_q"]) * s + gains["ki_q"])
-        known[RIPPLE] = known[RIPPLE][0] + emf, known[RIPPLE][1]
-    known[DEAD_TIME] = wave - emf, error
+        phasors[RIPPLE] = phasors[RIPPLE][0] + emf, phasors[RIPPLE][1]
+    phasors[DEAD_TIME] = wave - emf, error

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from cogless.identify.balance import Model, Rows, Sensor
-from cogless.identify.files import Array
-from cogless.identify.jackknife import BLOCK_ROWS, LOG_BLOCKS, Fit
+from cogless.identify.jackknife import BLOCK_ROWS_LEAST, LOG_BLOCKS, Fit
+from cogless.results.trace import Array
 from cogless.units import TURN
 
 FALSE_ALARM = 0.01  # chance that a search finds any order where there is none
@@ -20,7 +20,7 @@ NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their gain over the stro
 BLOCK_SHARE = 1e-3  # information on an order over the largest block's, from which on a block counts
 BLOCKS_LEAST = 4
 STEP_SHARE = 0.1  # of the sensor's steps: rows fold these into orders of about this size, which repeat
-BLURRED = 3.0  # widths of the kernel, in rad of a wave, that leave a hundredth of it
+BLUR_PHASE = 3.0  # rad that a wave turns in a width of the kernel, which leaves a hundredth of it
 ORDER_CHANCE = FALSE_ALARM / ORDER_HIGHEST  # Bonferroni
 
 
@@ -35,18 +35,19 @@ def found_orders(
     waves: list[NDArray[np.complex128]] = []
     information: list[Array] = []
     speeds: list[float] = []
-    for rows, left in residuals:
+    for rows, residual in residuals:
         weight = 1 / fit.noise[rows.log.name] ** 2
         width = model.width(rows.log) if rows.log.dt else 0.0
         bins = (np.floor(rows.theta / TURN * ANGLE_BINS) % ANGLE_BINS).astype(int)
-        for part in np.array_split(np.arange(len(left)), max(1, min(LOG_BLOCKS, len(left) // BLOCK_ROWS))):
+        blocks = max(1, min(LOG_BLOCKS, len(residual) // BLOCK_ROWS_LEAST))
+        for part in np.array_split(np.arange(len(residual)), blocks):
             if len(part) < 3:
                 continue
-            summed = np.fft.fft(np.bincount(bins[part], left[part], ANGLE_BINS))[orders]
+            summed = np.fft.fft(np.bincount(bins[part], residual[part], ANGLE_BINS))[orders]
             summed *= np.exp(-1j * np.pi * orders / ANGLE_BINS)  # from the bin's edge to its middle
             speeds.append(float(np.sqrt(np.mean(rows.omega[part] ** 2))))
             turning = orders * speeds[-1]
-            seen = (turning < sensor.top(rows.log)) & (turning * width < BLURRED)
+            seen = (turning < sensor.top(rows.log)) & (turning * width < BLUR_PHASE)
             passed = np.exp(-0.5 * (turning * width) ** 2) * seen
             waves.append(weight * passed * summed)
             information.append(weight * passed**2 * len(part))

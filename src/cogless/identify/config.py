@@ -126,7 +126,7 @@ class Identification(Table):
 
     @field_validator("columns")
     @classmethod
-    def _known(cls, columns: Mapping[str, Column]) -> Mapping[str, Column]:
+    def _check_columns(cls, columns: Mapping[str, Column]) -> Mapping[str, Column]:
         for key, column in columns.items():
             if key not in SIGNALS:
                 raise invalid(one_of(SIGNALS), key)

@@ -19,25 +19,25 @@ from cogless.identify.causes import (
     BEYOND,
     COGGING,
     ENCODER,
-    FASTER,
     OR,
     RIPPLE,
+    SPEED_RATIO_LEAST,
     Cause,
-    Found,
+    OrderCauses,
     attributed,
 )
-from cogless.identify.estimate import Progress, estimate, not_told_apart
+from cogless.identify.estimate import Progress, estimate_motor, not_told_apart
 from cogless.identify.findings import prepared
 from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
+from cogless.identify.speed_alone import LARGE_SHARE
 from cogless.identify.steady import Steady, steady, with_angle
 from cogless.identify.voltage import Agreement
 from cogless.units import TURN
 
 NO_ORDER = "no order"  # of the rotor's motion: vibration, or slow changes of the speed
-SHOWN = 0.01  # share of an order that has a line
-OPPOSES = 0.2  # of an order: causes that cancel by more are told
-LARGE_SHARE = 0.05  # share of an order that has a sentence
+LINE_SHARE_LEAST = 0.01  # share of the ripple's square: an order below it has no line
+CANCELLED_SHARE = 0.2  # share of an order: causes that cancel by more are told
 ROWS_A_WAVE = 2.5  # rows that show an order, with some to spare
 
 
@@ -51,15 +51,15 @@ class Diagnosis:
     """
 
     title: str
-    found: tuple[Found, ...]
+    orders: tuple[OrderCauses, ...]
     whole: Mapping[str, float]
-    said: tuple[str, ...]
+    remarks: tuple[str, ...]
     logged: Mapping[str, float] = field(default_factory=dict)
     uses: Mapping[str, str] = field(default_factory=dict)
 
     def motion(self, log: str) -> float:
         """Ripple of the rotor's own speed, rms, rad/s."""
-        measured = sum(each.share * each.measured for each in self.of(log))
+        measured = sum(entry.share * entry.measured for entry in self.orders_of(log))
         return self.whole[log] * math.sqrt(max(0.0, 1 - measured))
 
     def noise(self, log: str) -> float:
@@ -67,8 +67,8 @@ class Diagnosis:
         logged = self.logged.get(log, 0.0)
         return max(0.0, 1 - (self.whole[log] / logged) ** 2) if logged else 0.0
 
-    def of(self, log: str) -> list[Found]:
-        return [each for each in self.found if each.log == log]
+    def orders_of(self, log: str) -> list[OrderCauses]:
+        return [entry for entry in self.orders if entry.log == log]
 
     def causes(self, log: str) -> dict[str, float]:
         """Share of each cause in the square of a log's ripple, the largest first.
@@ -76,12 +76,12 @@ class Diagnosis:
         What opposes an order's ripple has no part in it; the others share what is left of it.
         """
         shares: dict[str, float] = defaultdict(float)
-        for each in self.of(log):
-            adds = sum(max(0.0, cause.share) for cause in each.causes)
-            for cause in each.causes:
+        for entry in self.orders_of(log):
+            adds = sum(max(0.0, cause.share) for cause in entry.causes)
+            for cause in entry.causes:
                 if cause.share > 0:
-                    shares[cause.name] += each.share * cause.share / adds
-        shares[NO_ORDER] = max(0.0, 1 - sum(each.share for each in self.of(log)))
+                    shares[cause.name] += entry.share * cause.share / adds
+        shares[NO_ORDER] = max(0.0, 1 - sum(entry.share for entry in self.orders_of(log)))
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
@@ -89,33 +89,34 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
     """Diagnose logs. StudyError: a mistake in a file, or logs that tell nothing."""
     if not columns.is_file():
         raise StudyError(f"{columns}: no such file: expected a TOML file that names the columns")
-    known = config.load(columns)
+    identification = config.load(columns)
     progress("reading", 0.0)
-    loaded = load_logs(list(logs), known)
+    loaded = load_logs(list(logs), identification)
     whole = [
         log for log in loaded if log.kind == "bridge-off" or ("theta" in log and ("i_q" in log or not log.dt))
     ]
-    said: list[str] = []
-    made = None
+    remarks: list[str] = []
+    estimate = None
     if any(log.dt and log.kind != "bridge-off" for log in whole):
         try:
-            made = _with_sure_error(estimate(known, whole, progress))
-            said += [*made.left_out, *made.remarks]
+            estimate = _with_sure_error(estimate_motor(identification, whole, progress))
+            remarks += [*estimate.left_out, *estimate.remarks]
         except StudyError as error:
-            said += error.lines if isinstance(error, AdvisedError) else str(error).splitlines()
-    explained, own = _explained(made, loaded), own_orders(known.motor.pole_pairs, known.motor.slots)
+            remarks += error.mistakes
+    poles = identification.motor.pole_pairs
+    explained, own = _explained(estimate, loaded), own_orders(poles, identification.motor.slots)
     angles = {log.name for log in loaded if "theta" in log}
-    misread = _error(made)
-    parts = [part for log in explained.values() for part in steady(log, known.step, own, misread)]
-    found = attributed(made, parts) if made is not None and parts else []
+    misread = _error(estimate)
+    parts = [part for log in explained.values() for part in steady(log, identification.step, own, misread)]
+    orders = attributed(estimate, parts) if estimate is not None and parts else []
     others = [
         part
         for log in map(with_angle, loaded)
         if log.dt and log.name not in explained and "theta" in log
-        for part in steady(log, known.step if log.name in angles else 0.0, own)
+        for part in steady(log, identification.step if log.name in angles else 0.0, own)
     ]
-    alone = speed_alone.by_order(others, known.motor.pole_pairs)
-    said += _without(loaded) + speed_alone.sentences(alone)
+    alone = speed_alone.by_order(others, poles)
+    remarks += _without(loaded) + speed_alone.sentences(alone)
     every = [*parts, *others]
     uses = _uses(loaded, {part.log.name for part in every}, set(explained))
     if not every:
@@ -123,21 +124,28 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
             "no log turns at a steady speed for a revolution; record one that does",
             logs_of_kind("constant-speed"),
         )
-        raise AdvisedError(*said, *(f"{name}: {use}" for name, use in uses.items()), none)
+        raise AdvisedError(*remarks, *(f"{name}: {use}" for name, use in uses.items()), none)
     if parts and not any("i_q_ref" in part.log for part in parts):
-        said.append(
+        remarks.append(
             Advice(
-                f"Dead time disturbs the current at order {6 * known.motor.pole_pairs}: it is not told apart "
-                "from what the law asks for; record the current's reference as i_q_ref.",
+                f"Dead time disturbs the current at order {6 * poles}: it is not told apart from what the "
+                "law asks for; record the current's reference as i_q_ref.",
                 recording(signal="i_q_ref"),
             )
         )
     ripples = _rms_by_log(every, lambda part: part.ripple)
-    merged = tuple(_merged([*found, *alone], ripples, Counter(part.log.name for part in every)))
-    said += _of_one_speed(merged, every) + _of_loads(merged) + _opposed(merged) + _out_of_sight(every)
+    merged = tuple(_merged([*orders, *alone], ripples, Counter(part.log.name for part in every)))
+    remarks += _of_one_speed(merged, every) + _of_loads(merged) + _opposed(merged) + _out_of_sight(every)
     measured = [part for part in every if part.log.name in angles and "omega" in part.log]
     logged = _rms_by_log(measured, lambda part: part.logged_ripple)
-    return Diagnosis(known.title, merged, ripples, tuple(dict.fromkeys(said)), logged, uses)
+    return Diagnosis(
+        title=identification.title,
+        orders=merged,
+        whole=ripples,
+        remarks=tuple(dict.fromkeys(remarks)),
+        logged=logged,
+        uses=uses,
+    )
 
 
 def own_orders(poles: int, slots: int | None) -> tuple[int, ...]:
@@ -147,37 +155,41 @@ def own_orders(poles: int, slots: int | None) -> tuple[int, ...]:
     return tuple(sorted({2 * poles, 6 * poles, 12 * poles, *by_slots}))
 
 
-def _explained(made: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
+def _explained(estimate: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
     """Logs whose torques the estimate tells, by name; with the bridge off, all but what turns the rotor."""
-    if made is None or made.fit is None or "j" not in made.values:
+    if estimate is None or estimate.fit is None or "j" not in estimate.values:
         return {}
-    off = [prepared(made.known, log, None) for log in loaded if log.kind == "bridge-off" and "theta" in log]
-    return {log.name: _without_error(log, made) for log in (*made.logs, *off) if log.dt}
+    off = [
+        prepared(estimate.identification, log, None)
+        for log in loaded
+        if log.kind == "bridge-off" and "theta" in log
+    ]
+    return {log.name: _without_error(log, estimate) for log in (*estimate.logs, *off) if log.dt}
 
 
-def _with_sure_error(made: Estimate) -> Estimate:
+def _with_sure_error(estimate: Estimate) -> Estimate:
     """The estimate whose angle is corrected for those errors of the sensor alone that stand out of theirs."""
-    sure = {wave.order for wave in made.encoder if wave.size.value > wave.size.error}
-    error = {order: wave for order, wave in made.model.error.items() if order in sure}
-    return replace(made, model=replace(made.model, error=error))
+    sure = {wave.order for wave in estimate.encoder if wave.size.value > wave.size.error}
+    error = {order: wave for order, wave in estimate.model.error.items() if order in sure}
+    return replace(estimate, model=replace(estimate.model, error=error))
 
 
-def _without_error(log: Log, made: Estimate) -> Log:
+def _without_error(log: Log, estimate: Estimate) -> Log:
     """The log with its angle corrected for the sensor's error of the estimate."""
-    return replace(log, signals={**log.signals, "theta": corrected(log["theta"], made.model)})
+    return replace(log, signals={**log.signals, "theta": corrected(log["theta"], estimate.model)})
 
 
-def _error(made: Estimate | None) -> dict[int, complex]:
+def _error(estimate: Estimate | None) -> dict[int, complex]:
     """The sensor's error of the estimate, E by order n, rad: Re(E exp(j n theta))."""
-    return {} if made is None else {n: complex(c, -s) for n, (c, s) in made.model.error.items()}
+    return {} if estimate is None else {n: complex(c, -s) for n, (c, s) in estimate.model.error.items()}
 
 
 def _without(logs: Sequence[Log]) -> list[str]:
     """What logs without angle or current can tell."""
-    said: list[str] = []
+    remarks: list[str] = []
     for log in logs:
         if "theta" not in log and "omega" in log:
-            said.append(
+            remarks.append(
                 Advice(
                     f"{log.name}: no angle: orders are from the integral of the speed, and have no place on "
                     "the "
@@ -186,14 +198,14 @@ def _without(logs: Sequence[Log]) -> list[str]:
                 )
             )
         if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
-            said.append(
+            remarks.append(
                 Advice(
                     f"{log.name}: no current: causes of one order cannot be told apart, only how it "
                     "changes with speed; record i_q.",
                     recording(signal="i_q", log=log.name),
                 )
             )
-    return said
+    return remarks
 
 
 def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> dict[str, str]:
@@ -215,12 +227,12 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
     return uses
 
 
-def _of_one_speed(orders: Sequence[Found], parts: Sequence[Steady]) -> list[str]:
+def _of_one_speed(orders: Sequence[OrderCauses], parts: Sequence[Steady]) -> list[str]:
     """A sentence on orders that are an error of the angle or a torque; one speed can't distinguish them."""
     speeds = [abs(part.speed) for part in parts]
-    names = {each.order: each.causes[0].name.split(OR) for each in orders if each.share > LARGE_SHARE}
+    names = {entry.order: entry.causes[0].name.split(OR) for entry in orders if entry.share > LARGE_SHARE}
     either = [order for order, causes in sorted(names.items()) if ENCODER in causes and len(causes) > 1]
-    if not either or max(speeds) >= FASTER * min(speeds):
+    if not either or max(speeds) >= SPEED_RATIO_LEAST * min(speeds):
         return []
     return [
         Advice(
@@ -234,7 +246,7 @@ def _of_one_speed(orders: Sequence[Found], parts: Sequence[Steady]) -> list[str]
     ]
 
 
-def _of_loads(orders: Sequence[Found]) -> list[Advice]:
+def _of_loads(orders: Sequence[OrderCauses]) -> list[Advice]:
     """Which logs tell cogging from ripple of K_t, for each large order that may be either."""
     names = {each.order: each.causes[0].name.split(OR) for each in orders if each.share > LARGE_SHARE}
     either = [order for order, causes in sorted(names.items()) if {COGGING, RIPPLE} <= set(causes)]
@@ -243,7 +255,7 @@ def _of_loads(orders: Sequence[Found]) -> list[Advice]:
 
 def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
     """Sentences on the highest order that each log can show, and the motor's own orders above it."""
-    said: list[str] = []
+    remarks: list[str] = []
     for name in dict.fromkeys(part.log.name for part in parts):
         part = min((part for part in parts if part.log.name == name), key=lambda part: part.waves.half_rate)
         waves, speed = part.waves, abs(part.speed) / TURN
@@ -252,7 +264,7 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
         sight = f"{name}: its rows show orders up to {math.floor(waves.half_rate)} at {speed:.3g} rev/s"
         if by_rows:
             rate = ROWS_A_WAVE * max(by_rows) * speed
-            said.append(
+            remarks.append(
                 Advice(
                     f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two "
                     "rows, "
@@ -263,31 +275,31 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
                 )
             )
         else:
-            said.append(Agreement(f"{sight}."))
+            remarks.append(Agreement(f"{sight}."))
         if by_noise:
-            said.append(
+            remarks.append(
                 f"{name}: {_named(by_noise)} of this motor cannot be seen where it is a tenth of the ripple "
                 "or less: "
                 "noise and steps of the angle hide it."
             )
-    return said
+    return remarks
 
 
 def _named(orders: Sequence[int]) -> str:
     return f"Order {', '.join(map(str, orders))}"
 
 
-def _opposed(found: Sequence[Found]) -> list[str]:
+def _opposed(orders: Sequence[OrderCauses]) -> list[str]:
     """Orders in which causes cancel, so that one has more than all of what is left."""
-    said = []
-    for each in found:
-        against = [cause for cause in each.causes if cause.share < -OPPOSES]
-        if each.share >= SHOWN and each.causes[0].share > 1 + OPPOSES and against:
-            said.append(
-                f"Order {each.order} in {each.log}: {each.causes[0].name} and {against[-1].name} oppose each "
-                "other; a share is of what is left, so one is above 100 % and the other below 0."
+    remarks = []
+    for entry in orders:
+        against = [cause for cause in entry.causes if cause.share < -CANCELLED_SHARE]
+        if entry.share >= LINE_SHARE_LEAST and entry.causes[0].share > 1 + CANCELLED_SHARE and against:
+            remarks.append(
+                f"Order {entry.order} in {entry.log}: {entry.causes[0].name} and {against[-1].name} oppose "
+                "each other; a share is of what is left, so one is above 100 % and the other below 0."
             )
-    return said
+    return remarks
 
 
 def _rms_by_log(parts: Sequence[Steady], ripple: Callable[[Steady], float]) -> dict[str, float]:
@@ -298,25 +310,27 @@ def _rms_by_log(parts: Sequence[Steady], ripple: Callable[[Steady], float]) -> d
     return {name: float(np.sqrt(np.mean(own))) for name, own in squares.items()}
 
 
-def _merged(found: Sequence[Found], ripples: Mapping[str, float], parts: Mapping[str, int]) -> list[Found]:
+def _merged(
+    orders: Sequence[OrderCauses], ripples: Mapping[str, float], parts: Mapping[str, int]
+) -> list[OrderCauses]:
     """The orders of a log's parts, such as both directions, merged.
 
     `ripples`: rms ripple of all parts of a log, rad/s. `parts`: the number of parts of a log.
     """
-    groups: dict[tuple[str, int], list[Found]] = defaultdict(list)
-    for each in found:
-        groups[each.log, each.order].append(each)
+    groups: dict[tuple[str, int], list[OrderCauses]] = defaultdict(list)
+    for entry in orders:
+        groups[entry.log, entry.order].append(entry)
     merged = []
     for own in groups.values():
-        weights = np.array([each.ripple**2 for each in own])
-        names = dict.fromkeys(cause.name for each in own for cause in each.causes)
+        weights = np.array([entry.ripple**2 for entry in own])
+        names = dict.fromkeys(cause.name for entry in own for cause in entry.causes)
 
         def mean(values: Sequence[float], by: np.ndarray = weights) -> float:
             return float(np.average(values, weights=by))
 
         causes = []
         for name in names:
-            has = [next((c for c in each.causes if c.name == name), Cause(name, 0.0, 0.0)) for each in own]
+            has = [next((c for c in entry.causes if c.name == name), Cause(name, 0.0, 0.0)) for entry in own]
             causes.append(Cause(name, mean([c.share for c in has]), mean([c.error for c in has])))
         causes.sort(key=lambda cause: -cause.share)
         log = own[0].log
@@ -327,21 +341,21 @@ def _merged(found: Sequence[Found], ripples: Mapping[str, float], parts: Mapping
                 ripple=ripple,
                 share=(ripple / ripples[log]) ** 2,
                 causes=tuple(causes),
-                measured=mean([each.measured for each in own]),
+                measured=mean([entry.measured for entry in own]),
             )
         )
-    return sorted(merged, key=lambda each: (each.log, -each.share))
+    return sorted(merged, key=lambda entry: (entry.log, -entry.share))
 
 
-def answer(made: Diagnosis) -> str:
+def answer(diagnosis: Diagnosis) -> str:
     """A sentence with the main cause, by the ripple's square over all logs, and its share in each log."""
-    logs = list(made.whole)
+    logs = list(diagnosis.whole)
     totals: dict[str, dict[str, float]] = defaultdict(dict)
     for log in logs:
-        for name, share in made.causes(log).items():
+        for name, share in diagnosis.causes(log).items():
             totals[name][log] = share
     name, by_log = max(
-        totals.items(), key=lambda item: sum(x * made.whole[log] ** 2 for log, x in item[1].items())
+        totals.items(), key=lambda item: sum(x * diagnosis.whole[log] ** 2 for log, x in item[1].items())
     )
     shares = list(by_log.values())
     if name == NO_ORDER:
@@ -358,81 +372,83 @@ def answer(made: Diagnosis) -> str:
     return f"Most of the ripple is {name}, {verdict}{span} of the square of the speed's ripple in {where}."
 
 
-def lines(made: Diagnosis) -> list[str]:
+def lines(diagnosis: Diagnosis) -> list[str]:
     """The answer, a line for each log, and one for each order that matters."""
-    text = [answer(made), ""]
-    for log in made.whole:
-        own = made.of(log)
+    text = [answer(diagnosis), ""]
+    for log in diagnosis.whole:
+        own = diagnosis.orders_of(log)
         shares = ", ".join(
-            f"{name} {100 * share:.0f} %" for name, share in made.causes(log).items() if share > SHOWN
+            f"{name} {100 * share:.0f} %"
+            for name, share in diagnosis.causes(log).items()
+            if share > LINE_SHARE_LEAST
         )
         at = f"{own[0].speed / TURN:.3g} rev/s" if own else "steady"
         load = f", {own[0].load:.3g} A" if own and not math.isnan(own[0].load) else ""
-        text.append(f"{log} ({at}{load}): {sizes(made, log)}: {shares}")
-    text += [f"{log}: {use}" for log, use in made.uses.items()]
+        text.append(f"{log} ({at}{load}): {sizes(diagnosis, log)}: {shares}")
+    text += [f"{log}: {use}" for log, use in diagnosis.uses.items()]
     text += [
         "",
         f"{'log':<20} {'order':>5} {'rad/s rms':>10} {'of all':>7}  cause (share of the order), confidence",
     ]
-    for each in made.found:
-        if each.share < SHOWN:
+    for entry in diagnosis.orders:
+        if entry.share < LINE_SHARE_LEAST:
             continue
-        told = ", ".join(shown(cause) for cause in each.causes if abs(cause.share) > 0.05)
+        causes = ", ".join(cause_text(cause) for cause in entry.causes if abs(cause.share) > 0.05)
         text.append(
-            f"{each.log:<20} {each.order:>5} {each.ripple:>10.3g} {100 * each.share:>5.0f} %  {told}: "
-            f"{each.confidence}"
+            f"{entry.log:<20} {entry.order:>5} {entry.ripple:>10.3g} {100 * entry.share:>5.0f} %  {causes}: "
+            f"{entry.confidence}"
         )
     return text
 
 
-def sizes(made: Diagnosis, log: str) -> str:
+def sizes(diagnosis: Diagnosis, log: str) -> str:
     """The ripple of a log, and the part of it that is measurement, not motion."""
-    size, motion, noise = made.whole[log], made.motion(log), made.noise(log)
+    size, motion, noise = diagnosis.whole[log], diagnosis.motion(log), diagnosis.noise(log)
     says = [f"{size:.3g} rad/s rms"]
-    if motion < (1 - SHOWN) * size:
+    if motion < (1 - LINE_SHARE_LEAST) * size:
         says.append(f"the rotor's own {motion:.3g}, the rest is the encoder's error")
-    if noise > SHOWN:
+    if noise > LINE_SHARE_LEAST:
         says.append(
-            f"{100 * noise:.0f} % of the square of the logged speed's {made.logged[log]:.3g} is its steps "
-            "and noise"
+            f"{100 * noise:.0f} % of the square of the logged speed's {diagnosis.logged[log]:.3g} is its "
+            "steps and noise"
         )
     return ", ".join(says)
 
 
-def shown(cause: Cause) -> str:
+def cause_text(cause: Cause) -> str:
     """A cause with its share and error at 95 %."""
     error = f" +- {100 * cause.error:.0f}" if cause.error else ""
     return f"{cause.name} {100 * cause.share:.0f}{error} %"
 
 
-def to_dict(made: Diagnosis) -> dict[str, Any]:
+def to_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     """The answer, the causes of each log, the orders, and every sentence. Ripple in rad/s rms, loads in A."""
     return {
-        "answer": answer(made),
+        "answer": answer(diagnosis),
         "logs": {
             log: {
                 "ripple_rad_per_s": whole,
-                "motion_rad_per_s": made.motion(log),
-                "noise_share_of_logged_speed": made.noise(log) if log in made.logged else None,
-                "shares": made.causes(log),
+                "motion_rad_per_s": diagnosis.motion(log),
+                "noise_share_of_logged_speed": diagnosis.noise(log) if log in diagnosis.logged else None,
+                "shares": diagnosis.causes(log),
             }
-            for log, whole in made.whole.items()
+            for log, whole in diagnosis.whole.items()
         },
-        "uses": dict(made.uses),
+        "uses": dict(diagnosis.uses),
         "orders": [
             {
-                "log": each.log,
-                "speed_rad_per_s": each.speed,
-                "load_A": None if math.isnan(each.load) else each.load,
-                "order": each.order,
-                "ripple_rad_per_s": each.ripple,
-                "share": each.share,
-                "confidence": each.confidence,
+                "log": entry.log,
+                "speed_rad_per_s": entry.speed,
+                "load_A": None if math.isnan(entry.load) else entry.load,
+                "order": entry.order,
+                "ripple_rad_per_s": entry.ripple,
+                "share": entry.share,
+                "confidence": entry.confidence,
                 "causes": [
-                    {"name": cause.name, "share": cause.share, "error": cause.error} for cause in each.causes
+                    {"name": cause.name, "share": cause.share, "error": cause.error} for cause in entry.causes
                 ],
             }
-            for each in made.found
+            for entry in diagnosis.orders
         ],
-        "said": list(made.said),
+        "said": list(diagnosis.remarks),
     }

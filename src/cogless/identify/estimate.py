@@ -35,12 +35,12 @@ UNSURE_DELAY = 5e-3  # s, an error from which on a delay is not told
 DELAY_TRIES, DELAY_SETTLED = 10, 0.01  # parabolas, and steps of the grid
 ORDERS_FOR_ENCODER = 3  # before so many are known, the encoder's error would take their place
 ENCODER_ROUNDS, ENCODER_SETTLED = 3, 0.1  # intervals of the error that may be left
-SEARCHES = 2
-AGREEMENT = 0.5  # of a wider instrument's interval, within which a narrower one agrees with it
+SEARCH_ROUNDS = 2
+AGREEMENT_SHARE = 0.5  # share of a wider instrument's interval within which a narrower one agrees with it
 ALIKE_INERTIA = 1e-3
 SURE_LADDER = 2.0  # times the interval: of wider instruments whose inertia counts as another measurement
 KERNEL_WIDEST = 0.02  # s
-NARROWER = 0.4  # of the kernel, with which faster orders are sought
+NARROW_SHARE = 0.4  # share of the kernel's width with which faster orders are sought
 PASSED_PHASE = 2.0  # rad that the fastest order turns in a width: a seventh of it passes
 OTHER_WIDTH = 1.4  # of the kernel: how far the values move is a part of their errors
 FEW_CHANCE = FALSE_ALARM / 4  # of a wave that is among a few candidates
@@ -48,7 +48,7 @@ CLEAR_ERRORS = {  # errors at 95 % of a wave of two normal parts that is larger 
     "cogging": float(np.sqrt(-2 * np.log(ORDER_CHANCE))) / 1.96,
     "ripple": float(np.sqrt(-2 * np.log(FEW_CHANCE))) / 1.96,
 }
-SEEN_SHARE = 0.1  # of a log's rows that show an order, at least
+SEEING_SHARE = 0.1  # share of a log's rows that show an order, at least
 FRICTION_ORDERS = (1, 2)
 STRIBECK_SPEEDS = (0.3, 5.0, 7)  # of the slowest log's: first, last and how many
 STRIBECK_COST = 8.0  # above the least: 95 % of one value, of rows half of which are independent
@@ -92,12 +92,12 @@ CURE_LOGS = {  # kinds of log that tell a column apart
 class Logs:
     """The logs of one drive and what is known of it: builds and solves their equations."""
 
-    def __init__(self, known: Identification, logs: Sequence[Log], progress: Progress) -> None:
-        rates = known.drive.rates
-        self.known, self.logs, self.progress = known, tuple(logs), progress
+    def __init__(self, identification: Identification, logs: Sequence[Log], progress: Progress) -> None:
+        rates = identification.drive.rates
+        self.identification, self.logs, self.progress = identification, tuple(logs), progress
         self.period = 1 / (rates.speed_loop or rates.current_loop)
-        self.sensor = Sensor(known.step, known.motor.pole_pairs, self.period)
-        self.poles = known.motor.pole_pairs
+        self.sensor = Sensor(identification.step, identification.motor.pole_pairs, self.period)
+        self.poles = identification.motor.pole_pairs
         self.moving = [log for log in logs if log.dt]
 
     def equations(self, model: Model) -> Equations:
@@ -118,7 +118,8 @@ class Logs:
         for instrument in reversed(range(len(LADDER))):
             one = equations.fit(instrument)
             j, unsure = one["j",], best.interval(("j",)) > 0.5 * abs(best["j",])
-            if not unsure and any(abs(j - v) > max(AGREEMENT * e, ALIKE_INERTIA * abs(v)) for v, e in before):
+            contradicts = (abs(j - v) > max(AGREEMENT_SHARE * e, ALIKE_INERTIA * abs(v)) for v, e in before)
+            if not unsure and any(contradicts):
                 break
             before.append((j, one.interval(("j",))))
             chosen, best = instrument, one
@@ -142,7 +143,7 @@ class Logs:
         widest = min(KERNEL_WIDEST, 1 / max(6 * self.poles * self._slowest, 1e-9))
         widths = {}
         for log in self.moving:
-            angle = angle_noise(log["theta"][stretches[log.name]], self.known.step)
+            angle = angle_noise(log["theta"][stretches[log.name]], self.identification.step)
             current = currents.get(log.name) or mean
             meeting = np.sqrt(np.sqrt(current / max(angle, 1e-300)) / j) / TURN
             least = self._narrowest(log)
@@ -188,7 +189,7 @@ class Logs:
         """Whether some log has two rows and more for each wave of an order."""
         for log in self.moving:
             moved = np.abs(np.diff(log["theta"]))
-            if np.mean(order * moved < 2.4) > SEEN_SHARE and np.median(moved) > 0:
+            if np.mean(order * moved < 2.4) > SEEING_SHARE and np.median(moved) > 0:
                 return True
         return not self.moving
 
@@ -197,8 +198,8 @@ class Logs:
         for _ in range(ENCODER_ROUNDS):
             state = self.solve(model, instrument)
             fit = state.fit
-            left = [("encoder", n, part) for n in model.encoder for part in "cs"]
-            if fit.get("j") <= 0 or all(abs(fit[k]) < ENCODER_SETTLED * fit.interval(k) for k in left):
+            remaining = [("encoder", n, part) for n in model.encoder for part in "cs"]
+            if fit.get("j") <= 0 or all(abs(fit[k]) < ENCODER_SETTLED * fit.interval(k) for k in remaining):
                 return state
             model = taken_out(model, fit)
         return self.solve(model, instrument)
@@ -241,66 +242,80 @@ class Logs:
         return replace(model, delay=0.0), np.inf
 
 
-def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
+def estimate_motor(identification: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
     """Estimate all that the logs tell. StudyError: nothing can be told."""
     remarks = [remark for log in logs for remark in log.remarks]
-    used, said = findings.usable(known, logs)
-    remarks += said
+    used, log_remarks = findings.usable(identification, logs)
+    remarks += log_remarks
     if not used:
         none = [] if any(log.kind != "bridge-off" for log in logs) else [NO_LOG]
-        raise AdvisedError(*said, *none)
-    left: list[str] = []
+        raise AdvisedError(*log_remarks, *none)
+    left_out: list[str] = []
     try:
-        voltage.require_units(known, used)
-        findings.check_sign(known, used, Logs(known, used, progress).equations(Model()).rows)
-        model = _start(known, used, left)
+        voltage.require_units(identification, used)
+        rows = Logs(identification, used, progress).equations(Model()).rows
+        findings.check_sign(identification, used, rows)
+        model = _start(used, left_out)
     except AdvisedError as error:
         out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
-        causes = [line for line in said if line.startswith(out)]  # before what follows from them
-        others = [line for line in said if line not in causes]
-        raise AdvisedError(*causes, *error.lines, *others) from None
+        causes = [line for line in log_remarks if line.startswith(out)]  # before what follows from them
+        others = [line for line in log_remarks if line not in causes]
+        raise AdvisedError(*causes, *error.mistakes, *others) from None
     if "j" not in model.columns:
         used = [log for log in used if not log.dt]
-    drive = Logs(known, used, progress)
+    drive = Logs(identification, used, progress)
     progress("orders", 0.0)
     state, unsure = _searched(drive, model)
     delay = None  # a current that is held looks the same wherever in its period it is logged
     if np.isfinite(unsure):
         delay = Value(state.model.delay, float(np.hypot(unsure, drive.period / 2)))
-    state = _told_apart(drive, state, left)
+    state = _told_apart(drive, state, left_out)
     progress("errors", 0.0)
-    remarks += voltage.check(known, used)
+    remarks += voltage.check(identification, used)
     shift = drive.lateness(unsure)
-    remarks += findings.between_logs(drive.comparable(state), state.fit, state.model, left, shift)
+    remarks += findings.between_logs(drive.comparable(state), state.fit, state.model, left_out, shift)
     empty = Estimate(
-        known, tuple(used), {}, (), (), (), {}, tuple(remarks), (), offsets=findings.offsets_of(logs)
+        identification,
+        tuple(used),
+        values={},
+        cogging=(),
+        ripple=(),
+        encoder=(),
+        loads={},
+        remarks=tuple(remarks),
+        left_out=(),
+        offsets=findings.offsets_of(logs),
     )
-    return findings.without_nonsense(with_errors(drive, state, delay, unsure, empty), left)
+    return findings.without_nonsense(with_errors(drive, state, delay, unsure, empty), left_out)
 
 
-def at_delay(made: Estimate, delay: Value, simulated: Sequence[Log], truth: Mapping[Name, float]) -> Estimate:
+def at_delay(
+    estimate: Estimate, delay: Value, simulated: Sequence[Log], truth: Mapping[Name, float]
+) -> Estimate:
     """The estimate fitted again with a delay, s, that is known within its error.
 
     `simulated`: the same logs of a motor whose coefficients are `truth`. What their fit has beside it, and
     out of its error, is taken off.
     """
-    drive = Logs(made.known, made.logs, lambda what, share: None)
-    state = drive.agreeing(replace(made.model, delay=delay.value))
+    drive = Logs(estimate.identification, estimate.logs, lambda what, share: None)
+    state = drive.agreeing(replace(estimate.model, delay=delay.value))
     state = drive.settled(state.model, state.instrument)
     fitted = with_errors(
-        drive, state, delay, delay.error, made, lambda steady: _biases(drive, steady, simulated, truth)
+        drive, state, delay, delay.error, estimate, lambda steady: _biases(drive, steady, simulated, truth)
     )
-    orders = {kind: {wave.order for wave in getattr(made, kind)} for kind in ("cogging", "ripple", "encoder")}
+    orders = {
+        kind: {wave.order for wave in getattr(estimate, kind)} for kind in ("cogging", "ripple", "encoder")
+    }
 
-    def told(kind: str) -> tuple[Wave, ...]:
+    def waves_of(kind: str) -> tuple[Wave, ...]:
         return tuple(wave for wave in getattr(fitted, kind) if wave.order in orders[kind])
 
     return replace(
         fitted,
-        values={key: x for key, x in fitted.values.items() if key in made.values or key == "delay"},
-        cogging=told("cogging"),
-        ripple=told("ripple"),
-        encoder=told("encoder"),
+        values={key: x for key, x in fitted.values.items() if key in estimate.values or key == "delay"},
+        cogging=waves_of("cogging"),
+        ripple=waves_of("ripple"),
+        encoder=waves_of("encoder"),
     )
 
 
@@ -332,24 +347,24 @@ def _biases(
     It is shrunk by Breiman's garrote, doi:10.1080/00401706.1995.10484371: what barely stands out may be noise
     of the simulation, and its subtraction would add that to the logs' own.
     """
-    played = Logs(drive.known, simulated, drive.progress)
+    played = Logs(drive.identification, simulated, drive.progress)
     twin = played.settled(replace(state.model, error={}), state.instrument)
-    shown, j = whole(twin.model, twin.fit), twin.fit.get("j") or 1.0
+    coefficients, j = whole(twin.model, twin.fit), twin.fit.get("j") or 1.0
     biases = {}
     for name, true in truth.items():
-        if name in shown:
+        if name in coefficients:
             error = twin.fit.interval(name) / (abs(j) if name[0] == "encoder" else 1.0)
-            bias = shown[name] - true
+            bias = coefficients[name] - true
             if abs(bias) > error:
                 biases[name] = Value(bias * (1 - (error / bias) ** 2), error)
     return biases
 
 
-def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> Model:
+def _start(logs: Sequence[Log], left_out: list[str]) -> Model:
     """The columns that the logs tell something of together; without inertia: held angles alone."""
-    held, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
+    hold_maps, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
     if not moving:
-        left.append(
+        left_out.append(
             Advice(
                 "No log of a turning motor: inertia and friction cannot be identified; add an acceleration "
                 "log.",
@@ -357,13 +372,13 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> Model
             )
         )
     elif findings.one_speed(moving):
-        left.append(findings.said_of_one_speed(moving))
-        if not held:
-            raise AdvisedError(left[-1])
+        left_out.append(findings.said_of_one_speed(moving))
+        if not hold_maps:
+            raise AdvisedError(left_out[-1])
     else:
         columns = {"j", "b", "c", "offset"}
         if all(findings.feedback(log) is not None for log in moving):
-            left.append(
+            left_out.append(
                 Advice(
                     "All logs of a turning motor show the feedback law: the delay cannot be identified; "
                     "add an acceleration log.",
@@ -384,14 +399,14 @@ def _searched(drive: Logs, start: Model) -> tuple[State, float]:
     if turning:
         model = drive.widths(model)
     error, widths = np.inf, model.widths
-    for search in range(SEARCHES):
+    for search in range(SEARCH_ROUNDS):
         if search:  # the kernels hide faster orders
-            model = drive.narrowed(model, lambda log: NARROWER * min(widths.values()))
+            model = drive.narrowed(model, lambda log: NARROW_SHARE * min(widths.values()))
         state = _with_orders(drive, model, first=not search and turning)
         model = drive.passing(state.model, widths) if turning else state.model
         forced = [n for n in (2 * poles, 4 * poles, 6 * poles) if drive.sees(n)] if turning else []
-        both = tuple(sorted({*model.cogging, poles, *forced}))
-        model = replace(model, cogging=both, ripple=tuple(forced), encoder=(1, 2) if turning else ())
+        cogging = tuple(sorted({*model.cogging, poles, *forced}))
+        model = replace(model, cogging=cogging, ripple=tuple(forced), encoder=(1, 2) if turning else ())
         state = drive.settled(model, state.instrument)
         if with_delay:
             model, error = drive.delayed(state.model, state.instrument)
@@ -416,8 +431,8 @@ def _with_orders(drive: Logs, model: Model, first: bool) -> State:
         state = drive.agreeing(model)
         model = state.model
         drive.progress(f"orders: {len(model.cogging)}", 0.0)
-        left = state.equations.residuals(state.fit)
-        new = found_orders(left, state.fit, model, drive.sensor)
+        residuals = state.equations.residuals(state.fit)
+        new = found_orders(residuals, state.fit, model, drive.sensor)
         if not new or len(model.cogging) >= ORDERS_MOST:
             return state
         model = replace(model, cogging=tuple(sorted({*model.cogging, *new})))
@@ -440,7 +455,7 @@ def _standing_out(drive: Logs, state: State) -> State:
         kind, order = min(waves, key=clear.__getitem__, default=("", 0))
         if not waves or clear[kind, order] > 1:
             return state if model == state.model else drive.settled(model, state.instrument)
-        model, equations = _left(model, kind, (kind, order)), equations.without(kind, order)
+        model, equations = _remove_column(model, kind, (kind, order)), equations.without(kind, order)
         fit = equations.fit(state.instrument)
 
 
@@ -456,7 +471,7 @@ def _with_rubbing(drive: Logs, state: State) -> State:
 
 def _falling(drive: Logs, model: Model, instrument: int, rows: Sequence[Rows]) -> Model:
     """The model with a friction that falls with the speed, where the logs show it clearly."""
-    slowest = min(float(np.median(np.abs(each.omega))) for each in rows if each.log.dt)
+    slowest = min(float(np.median(np.abs(stretch.omega))) for stretch in rows if stretch.log.dt)
     grid = slowest * np.geomspace(*STRIBECK_SPEEDS)
     costs = np.array([drive.cost(replace(model, stribeck=float(v)), instrument) for v in grid])
     place = int(np.argmin(costs))
@@ -464,8 +479,8 @@ def _falling(drive: Logs, model: Model, instrument: int, rows: Sequence[Rows]) -
         return model
     speed, ratio = float(grid[place]), float(grid[1] / grid[0])
     if 0 < place < len(grid) - 1:
-        before, here, after = costs[place - 1 : place + 2]
-        bend = before - 2 * here + after
+        before, middle, after = costs[place - 1 : place + 2]
+        bend = before - 2 * middle + after
         speed *= ratio ** (0.5 * (before - after) / bend)
         ratio **= min(1.0, float(np.sqrt(2 * STRIBECK_COST / bend)))
     falling = replace(model, stribeck=speed, stribeck_ratio=ratio)
@@ -516,7 +531,7 @@ def whole(model: Model, fit: Fit) -> dict[Name, float]:
 WEAKEST = ("encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
 
 
-def _told_apart(drive: Logs, state: State, left: list[str]) -> State:
+def _told_apart(drive: Logs, state: State, left_out: list[str]) -> State:
     """Leave out what can't be told apart, one after the other, the least important first."""
     while True:
         fit = state.fit
@@ -526,9 +541,9 @@ def _told_apart(drive: Logs, state: State, left: list[str]) -> State:
             return state
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
         if worst[0] == "cogging" and ("j",) in wide:  # each takes the place of the other
-            left.append(not_told_apart("j"))
+            left_out.append(not_told_apart("j"))
         elif worst[0] != "offset" or "c" in state.model.columns:
-            left.append(not_told_apart(str(worst[0]), *worst[1:]))
+            left_out.append(not_told_apart(str(worst[0]), *worst[1:]))
         state = drive.settled(_without(state.model, worst), state.instrument)
 
 
@@ -547,17 +562,17 @@ def _without(model: Model, name: Name) -> Model:
         others = {("cogging", int(name[1]))}
     elif kind in ("b", "offset"):
         others = {("c", 0)}
-    return replace(_left(model, kind, name), untold=model.untold | others)
+    return replace(_remove_column(model, kind, name), untold=model.untold | others)
 
 
-def _left(model: Model, kind: str, name: Name) -> Model:
+def _remove_column(model: Model, kind: str, name: Name) -> Model:
     if kind == "cogging":
         return replace(model, cogging=tuple(n for n in model.cogging if n != name[1]))
     if kind == "ripple":
         return replace(model, ripple=tuple(n for n in model.ripple if n != name[1]))
     if kind == "encoder":
-        kept = tuple(n for n in model.encoder if n != name[1])
-        return replace(model, encoder=kept, error={n: model.error[n] for n in kept if n in model.error})
+        orders = tuple(n for n in model.encoder if n != name[1])
+        return replace(model, encoder=orders, error={n: model.error[n] for n in orders if n in model.error})
     if kind == "j":  # without it the sensor's error has no size
         model = replace(model, encoder=(), error={})
     return replace(model, columns=model.columns - {kind})
@@ -568,7 +583,7 @@ def with_errors(
     state: State,
     delay: Value | None,
     unsure: float,
-    made: Estimate,
+    estimate: Estimate,
     bias_of: Callable[[State], Mapping[Name, Value]] = lambda state: {},
 ) -> Estimate:
     """The estimate with the values of a state; their errors are a jackknife's, and what they move by with the
@@ -582,7 +597,7 @@ def with_errors(
         state = _steadiest(state, ends)
     instrument, biases = state.instrument, bias_of(state)
     fit = state.equations.fit(instrument, exact=True)
-    here = whole(model, fit)
+    coefficients = whole(model, fit)
     if "j" in model.columns:
         others += [whole(model, end.fit(instrument)) for end in ends]
         if model.stribeck:
@@ -590,12 +605,13 @@ def with_errors(
             falling = [drive.solve(replace(model, stribeck=v), instrument).fit for v in speeds]
             others += [whole(model, fit) for fit in falling]
     moved = {
-        name: max((abs(other.get(name, x) - x) for other in others), default=0.0) for name, x in here.items()
+        name: max((abs(other.get(name, x) - x) for other in others), default=0.0)
+        for name, x in coefficients.items()
     }
     if "j" in model.columns:
         wider = {log.name: OTHER_WIDTH * model.width(log) for log in drive.moving}
         other = whole(model, drive.solve(replace(model, widths=wider), instrument).fit)
-        for name, x in here.items():
+        for name, x in coefficients.items():
             moved[name] = float(np.hypot(moved[name], other.get(name, x) - x))
         wider_ones = [state.equations.fit(k) for k in range(instrument + 1, len(LADDER))]
         sure = [one["j",] for one in wider_ones if one.interval(("j",)) < SURE_LADDER * fit.interval(("j",))]
@@ -605,27 +621,29 @@ def with_errors(
     def value(name: Name) -> Value:
         own = fit.interval(name) * abs(scale.get(str(name[0]), 1.0))
         bias = biases.get(name, Value(0.0, 0.0))
-        return Value(here[name] - bias.value, float(np.linalg.norm([own, moved[name], bias.error])))
+        return Value(coefficients[name] - bias.value, float(np.linalg.norm([own, moved[name], bias.error])))
 
     def waves(kind: str, orders: Sequence[int]) -> tuple[Wave, ...]:
-        told = (n for n in orders if (kind, n) not in model.untold)
-        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in told)
+        separable = (n for n in orders if (kind, n) not in model.untold)
+        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in separable)
 
     poles = drive.poles  # whose order is in the model even where nothing of it shows
     cogging = [n for n in model.cogging if n != poles or fit.chance("cogging", n) < ORDER_CHANCE]
     single = ("j", "b", "c", "c_hold", "offset")
     values = {
-        str(name[0]): value(name) for name in here if name[0] in single and (name[0], 0) not in model.untold
+        str(name[0]): value(name)
+        for name in coefficients
+        if name[0] in single and (name[0], 0) not in model.untold
     }
     if delay is not None:
         values["delay"] = delay
     return replace(
-        made,
+        estimate,
         values=values,
         cogging=waves("cogging", cogging),
         ripple=waves("ripple", model.ripple),
         encoder=waves("encoder", model.encoder),
-        loads={str(name[1]): value(name) for name in here if name[0] == "load"},
+        loads={str(name[1]): value(name) for name in coefficients if name[0] == "load"},
         model=model,
         rows=state.equations.rows,
         fit=fit,

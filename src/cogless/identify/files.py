@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.files import reason
+from cogless.results.trace import Array
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 NUMBERS_MOST = 1 << 27  # in the wanted columns of a file
 PACKED_MOST = 1 << 32  # bytes that a file's packed parts unpack to

@@ -8,57 +8,59 @@ from dataclasses import replace
 import numpy as np
 
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
-from cogless.identify.balance import VISIBLE, WIDTH_ROWS, Model, Rows
+from cogless.identify.balance import WAVE_RATE_SHARE, WIDTH_ROWS, Model, Rows
+from cogless.identify.cogging_orders import BLUR_PHASE
 from cogless.identify.config import Identification
-from cogless.identify.files import Array
 from cogless.identify.jackknife import Fit, fit, jackknife
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
+from cogless.results.trace import Array
 from cogless.units import TURN
 
-ALIKE = 0.15  # speeds that differ by less are one
+SPEED_DIFFERENCE = 0.15  # relative: speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
-LAGS = 6  # samples
-STILL, STILL_FOR = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
-SLIPS, SMOOTH = 3, 4  # motions after which a rotor sticks; rows of their speed
-FRICTION = 0.2  # relative difference between logs that is told
-TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
-PARTS = 12  # of a log, for the error of what it shows by itself
-WORST = 1e8  # condition of equations that are still solved
+FEEDBACK_LAGS = 6  # lags from 0 samples on that are tried
+STILL_SHARE, STILL_TIME = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
+SLIPS_LEAST, SLIP_ROWS = 3, 4  # motions after which a rotor sticks; rows of their speed
+FRICTION_DIFFERENCE = 0.2  # relative difference between logs that is told
+PHASE_DIFFERENCE = 0.35  # rad of the strongest order's phase between logs, likewise
+LOG_PARTS = 12  # parts of a log, by which what it shows by itself has an error
+CONDITION_MOST = 1e8  # condition of equations that are still solved
 STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # largest ripple of K_t
-SIDEBAND = 0.5  # of the order between them, at most
-ROUNDING = 1e-6  # relative
+SIDEBAND_SHARE = 0.5  # size of a sideband over that of the order between them, at most
+WIDTH_SLACK = 1e-6  # relative, for rounding
 SPARE_SPEED = 0.9  # of the speed that just shows an order: what is advised has some to spare
 # correlation of changes that shows a current before its reference, and its excess over that after it
 LEAD_CORRELATION = 0.2
-SEEN = 3.0  # wavelengths of an order that the kernel blurs to a hundredth
 
 
 def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """The logs that can be used, and sentences on the others and on logs that mislead."""
     used: list[Log] = []
-    said: list[str] = []
+    sentences: list[str] = []
     offsets = offsets_of(logs)
     if offsets is not None:
-        shown = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
-        said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
+        offset_text = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
+        sentences.append(
+            f"With the bridge off the phase currents show {offset_text} mA; this is taken out of i_q."
+        )
     for log in logs:
         if log.kind == "bridge-off":
-            said += _said_of_bridge_off(identification, log)
+            sentences += _said_of_bridge_off(identification, log)
             continue
         without = _unusable(identification, log)
         if without:
-            said.append(without)
+            sentences.append(without)
             continue
         used.append(prepared(identification, log, offsets))
         exchanged = _exchanged(identification, log)
         if exchanged is not None:
-            said.append(exchanged)
+            sentences.append(exchanged)
         law = feedback(log)
         if law is not None:
             lag, correlation, gain = law
-            said.append(
+            sentences.append(
                 Advice(
                     f"{log.name}: i_q follows the speed of {lag} samples earlier (correlation "
                     f"{correlation:.4f}, "
@@ -68,7 +70,7 @@ def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Lo
                 )
             )
     plant = [log for log in used if feedback(log) is None]
-    return (plant if any(log.dt for log in plant) else used), said
+    return (plant if any(log.dt for log in plant) else used), sentences
 
 
 def heading(identification: Identification, signal: str) -> str:
@@ -130,22 +132,25 @@ def _up(rate: float) -> float:
 
 def _sticks(identification: Identification, log: Log) -> str | None:
     """What to record instead of a log whose rotor stands still too often; None if it doesn't."""
-    rows = max(1, round(STILL_FOR / log.dt))
+    rows = max(1, round(STILL_TIME / log.dt))
     still = np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= identification.step
     share = float(np.mean(still))
-    if share <= STILL:
+    if share <= STILL_SHARE:
         return None
-    said = f"{log.name}: the rotor stands still {100 * share:.0f} % of the time, where friction is not known"
-    if np.count_nonzero(np.diff(still.astype(np.int8)) < 0) < SLIPS:
+    beginning = (
+        f"{log.name}: the rotor stands still {100 * share:.0f} % of the time, where friction is not known"
+    )
+    if np.count_nonzero(np.diff(still.astype(np.int8)) < 0) < SLIPS_LEAST:
         return Advice(
-            f"{said}; turn faster, or with more feedback.", recording(kind="constant-speed", log=log.name)
+            f"{beginning}; turn faster, or with more feedback.",
+            recording(kind="constant-speed", log=log.name),
         )
-    turned = np.abs(log["theta"][SMOOTH:] - log["theta"][:-SMOOTH])
-    slip = float(np.percentile(turned[rows:], 99)) / (SMOOTH * log.dt * 2 * np.pi)
-    needed = 6 * identification.motor.pole_pairs * slip / VISIBLE
+    turned = np.abs(log["theta"][SLIP_ROWS:] - log["theta"][:-SLIP_ROWS])
+    slip = float(np.percentile(turned[rows:], 99)) / (SLIP_ROWS * log.dt * TURN)
+    needed = 6 * identification.motor.pole_pairs * slip / WAVE_RATE_SHARE
     rate = _up(max(needed, 1 / log.dt))
     return Advice(
-        f"{said}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
+        f"{beginning}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
         f"{rate:.0f} rows a second or more, or with more feedback.",
         recording(speed=TURN * slip, rate=rate, log=log.name),
     )
@@ -166,7 +171,7 @@ def prepared(identification: Identification, log: Log, offsets: tuple[float, flo
     signals = dict(log.signals)
     if offsets is not None and "i_q" in signals:
         theta_e = identification.motor.pole_pairs * signals["theta"]
-        waves = [np.sin(theta_e - third * 2 * np.pi / 3) for third in range(3)]
+        waves = [np.sin(theta_e - third * TURN / 3) for third in range(3)]
         signals["i_q"] = signals["i_q"] + 2 / 3 * sum(o * w for o, w in zip(offsets, waves, strict=True))
     if "torque" in signals:
         signals["torque"] = signals["torque"] / identification.motor.star().K_t
@@ -178,14 +183,15 @@ def prepared(identification: Identification, log: Log, offsets: tuple[float, flo
 def check_sign(identification: Identification, logs: Sequence[Log], rows: Sequence[Rows]) -> None:
     """Refuse currents of the wrong sign: they brake a motor that turns against friction."""
     for log in logs:
-        own = [each for each in rows if each.log is log and len(each.y) > 30]
+        own = [stretch for stretch in rows if stretch.log is log and len(stretch.y) > 30]
         if not log.dt or not own or log.kind in ("load", "coast-down"):
             continue
-        found = fit(own)
-        wrong = found["c",] < -STANDS_OUT * found.error(("c",)) and found["j",] <= 0
-        speed = np.concatenate([each.omega for each in own])
-        power = float(np.mean(np.concatenate([each.y for each in own]) * speed))
-        stored = found["j",] * float(np.mean(np.concatenate([each.columns[:, 0] for each in own]) * speed))
+        log_fit = fit(own)
+        wrong = log_fit["c",] < -STANDS_OUT * log_fit.error(("c",)) and log_fit["j",] <= 0
+        speed = np.concatenate([stretch.omega for stretch in own])
+        power = float(np.mean(np.concatenate([stretch.y for stretch in own]) * speed))
+        alpha = np.concatenate([stretch.columns[:, 0] for stretch in own])
+        stored = log_fit["j",] * float(np.mean(alpha * speed))
         if wrong and power - stored < 0:
             heading = identification.columns["i_q"].name
             raise AdvisedError(
@@ -201,7 +207,7 @@ def check_sign(identification: Identification, logs: Sequence[Log], rows: Sequen
 def one_speed(logs: Sequence[Log]) -> bool:
     """Whether all logs are at one speed, from means over a twentieth of each."""
     low, high = zip(*(np.percentile(_speeds(log), [30, 95]) for log in logs), strict=True)
-    return bool(min(low) > (1 - ALIKE) * max(high))
+    return bool(min(low) > (1 - SPEED_DIFFERENCE) * max(high))
 
 
 def said_of_one_speed(logs: Sequence[Log]) -> str:
@@ -250,7 +256,7 @@ def feedback(log: Log) -> tuple[int, float, float] | None:
         return None
     omega, current = log["omega"], log["i_q"]
     best = (0, 0.0)
-    for lag in range(LAGS):
+    for lag in range(FEEDBACK_LAGS):
         x, y = omega[: len(omega) - lag], current[lag:]
         if np.std(x) == 0 or np.std(y) == 0:
             return None
@@ -264,28 +270,28 @@ def feedback(log: Log) -> tuple[int, float, float] | None:
 
 
 def between_logs(
-    rows: Sequence[Rows], found: Fit, model: Model, left: list[str], delay_error: float = 0.0
+    rows: Sequence[Rows], joint_fit: Fit, model: Model, left_out: list[str], delay_error: float = 0.0
 ) -> list[str]:
     """Sentences on differences between logs: friction, and the place of the strongest order.
 
     `delay_error`: of the currents, s, by which the rotor has turned on in each log.
     """
-    said: list[str] = []
+    sentences: list[str] = []
     by_log: dict[str, list[Rows]] = {}
-    for each in rows:
-        by_log.setdefault(each.log.name, []).append(each)
-    if ("c",) in found and found["c",] > 0:
+    for stretch in rows:
+        by_log.setdefault(stretch.log.name, []).append(stretch)
+    if ("c",) in joint_fit and joint_fit["c",] > 0:
         friction = {
             name: of
             for name, own in by_log.items()
             if own[0].log.dt and own[0].log.kind != "load"
-            for of in [_own(own, found, (("c",),))[0].real]
+            for of in [_own(own, joint_fit, (("c",),))[0].real]
         }
-        named = {each.log.rule.session for each in rows} - {None}
+        named = {stretch.log.rule.session for stretch in rows} - {None}
         if len(friction) > 1 and len(named) < 2:  # Otherwise the sessions say it.
             low, high = min(friction, key=friction.__getitem__), max(friction, key=friction.__getitem__)
-            if friction[high] - friction[low] > FRICTION * found["c",]:
-                said.append(
+            if friction[high] - friction[low] > FRICTION_DIFFERENCE * joint_fit["c",]:
+                sentences.append(
                     Advice(
                         f"Sessions differ: friction {friction[low]:.3g} A in {low} and {friction[high]:.3g} "
                         "A in "
@@ -295,22 +301,24 @@ def between_logs(
                     )
                 )
     if model.cogging:
-        said += _turned(by_log, found, model, left, delay_error)
-    return said
+        sentences += _turned(by_log, joint_fit, model, left_out, delay_error)
+    return sentences
 
 
-def strongest_order(found: Fit, model: Model) -> int:
+def strongest_order(joint_fit: Fit, model: Model) -> int:
     """The order of the largest cogging."""
-    return max(model.cogging, key=lambda n: np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]))
+    return max(
+        model.cogging, key=lambda n: np.hypot(joint_fit["cogging", n, "c"], joint_fit["cogging", n, "s"])
+    )
 
 
 def _turned(
-    by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[str], delay_error: float
+    by_log: dict[str, list[Rows]], joint_fit: Fit, model: Model, left_out: list[str], delay_error: float
 ) -> list[str]:
-    strongest = strongest_order(found, model)
+    strongest = strongest_order(joint_fit, model)
     names = (("cogging", strongest, "c"), ("cogging", strongest, "s"))
-    waves = {name: _own(own, found, names) for name, own in by_log.items()}
-    clear = {name: w for name, (w, error) in waves.items() if 0 < error < TURNED * abs(w)}
+    waves = {name: _own(own, joint_fit, names) for name, own in by_log.items()}
+    clear = {name: w for name, (w, error) in waves.items() if 0 < error < PHASE_DIFFERENCE * abs(w)}
     if len(clear) < 2:
         return []
     late = {name: delay_error * strongest * _median_speed(own) for name, own in by_log.items()}
@@ -318,9 +326,9 @@ def _turned(
     first = min(open_by, key=open_by.__getitem__)
     for name, wave in clear.items():
         turn, size = float(np.angle(wave / clear[first])), abs(wave / clear[first])
-        unsure = TURNED + np.hypot(open_by[name], open_by[first])
+        unsure = PHASE_DIFFERENCE + np.hypot(open_by[name], open_by[first])
         if abs(turn) > unsure:
-            left.append("Cogging is left out, since its place differs between the logs.")
+            left_out.append("Cogging is left out, since its place differs between the logs.")
             if abs(np.log(size)) > unsure:  # an index that slips turns a wave, and leaves its size
                 return [
                     f"{name}: order {strongest} is {size:.2g} times that of {first}, and turned by "
@@ -343,62 +351,66 @@ def _median_speed(rows: Sequence[Rows]) -> float:
     return float(np.median(np.abs(np.concatenate([part.omega for part in rows]))))
 
 
-def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]]) -> tuple[complex, float]:
+def _own(
+    rows: Sequence[Rows], joint_fit: Fit, names: Sequence[tuple[str | int, ...]]
+) -> tuple[complex, float]:
     """One or two coefficients as these rows alone would have them (the second imaginary), and their error.
 
     It is three standard errors by a jackknife: what rows show in one place alone, such as a fast log that
     shows an order only where it turns around, is unsure by all that the fit leaves there.
     """
-    a = np.concatenate([each.columns[:, [each.names.index(name) for name in names]] for each in rows])
-    r = np.concatenate([each.y - found.prediction(each) for each in rows])
+    a = np.concatenate(
+        [stretch.columns[:, [stretch.names.index(name) for name in names]] for stretch in rows]
+    )
+    r = np.concatenate([stretch.y - joint_fit.prediction(stretch) for stretch in rows])
     matrix, vector = a.T @ a, a.T @ r
-    if np.linalg.cond(matrix) > WORST:
+    if np.linalg.cond(matrix) > CONDITION_MOST:
         return 0j, 0.0
     moved = np.linalg.solve(matrix, vector)
-    own = [found[name] + by for name, by in zip(names, moved, strict=True)]
+    own = [joint_fit[name] + by for name, by in zip(names, moved, strict=True)]
     wave = complex(own[0], own[1] if len(own) > 1 else 0.0)
     without = []
-    for part in np.array_split(np.arange(len(r)), PARTS):
+    for part in np.array_split(np.arange(len(r)), LOG_PARTS):
         rest = matrix - a[part].T @ a[part]
-        if np.linalg.cond(rest) > WORST:
+        if np.linalg.cond(rest) > CONDITION_MOST:
             return wave, np.inf
         without.append(np.linalg.solve(rest, vector - a[part].T @ r[part]))
     return wave, 3 * float(np.max(jackknife(np.array(without))))
 
 
-def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
+def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
     """Leave out orders n -+ k beside a larger n: an encoder's error of order k makes such."""
-    found, told = {wave.order: wave for wave in cogging}, {wave.order for wave in made.encoder}
+    waves, encoder_orders = {wave.order: wave for wave in cogging}, {wave.order for wave in estimate.encoder}
     out: set[int] = set()
-    said: list[str] = []
-    for k in (k for k in (1, 2) if k not in told):
+    sentences: list[str] = []
+    for k in (k for k in (1, 2) if k not in encoder_orders):
         for main in sorted(cogging, key=lambda wave: -wave.size.value):
-            near = (found.get(main.order - k), found.get(main.order + k))
-            beside = [wave for wave in near if wave and wave.size.value < SIDEBAND * main.size.value]
-            beside = [wave for wave in beside if wave.order not in out]
-            if main.order in out or not beside:
+            near = (waves.get(main.order - k), waves.get(main.order + k))
+            weaker = [wave for wave in near if wave and wave.size.value < SIDEBAND_SHARE * main.size.value]
+            weaker = [wave for wave in weaker if wave.order not in out]
+            if main.order in out or not weaker:
                 continue
-            largest = max(wave.size.value for wave in beside)
+            largest = max(wave.size.value for wave in weaker)
             degrees = np.degrees(2 * largest / (main.order * main.size.value))
-            out |= {wave.order for wave in beside}
-            said.append(
+            out |= {wave.order for wave in weaker}
+            sentences.append(
                 Advice(
-                    f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging "
+                    f"Order {' and '.join(str(wave.order) for wave in weaker)} beside {main.order}: cogging "
                     "and "
                     f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a "
                     "faster log.",
                     logs_of_kind("constant-speed"),
                 )
             )
-    return tuple(wave for wave in cogging if wave.order not in out), said
+    return tuple(wave for wave in cogging if wave.order not in out), sentences
 
 
-def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
+def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
     """Leave out what the findings forbid, and say what stays open."""
-    values, cogging = dict(made.values), made.cogging
-    poles = made.known.motor.pole_pairs
+    values, cogging = dict(estimate.values), estimate.cogging
+    poles = estimate.identification.motor.pole_pairs
     if "j" in values and not values["j"].value > 2 * values["j"].error:
-        left.append(
+        left_out.append(
             Advice(
                 "Inertia is not larger than its error, and friction and delay are not told without it; add "
                 "an "
@@ -411,15 +423,15 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     if "b" in values and values["b"].value < 0:
         small = values["b"].value > -2 * values["b"].error
         if not small:
-            left.append("Viscous friction comes out negative and is left out.")
+            left_out.append("Viscous friction comes out negative and is left out.")
         del values["b"]
-    if any("is left out, since its place" in sentence for sentence in left):
+    if any("is left out, since its place" in sentence for sentence in left_out):
         cogging = ()
-    cogging, beside = _without_sidebands(made, cogging)
-    left += beside
-    left += _out_of_sight(made)
-    if any(wave.order == poles for wave in cogging) and made.offsets is None:
-        left.append(
+    cogging, sideband_remarks = _without_sidebands(estimate, cogging)
+    left_out += sideband_remarks
+    left_out += _out_of_sight(estimate)
+    if any(wave.order == poles for wave in cogging) and estimate.offsets is None:
+        left_out.append(
             Advice(
                 f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
                 "record currents with the bridge off.",
@@ -427,9 +439,9 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
             )
         )
         cogging = tuple(wave for wave in cogging if wave.order != poles)
-    current = float(np.mean([abs(np.mean(each.y)) for each in made.rows])) if made.rows else 0.0
-    if not any(log.dt for log in made.logs) and any(wave.order == 6 * poles for wave in cogging):
-        left.append(
+    current = float(np.mean([abs(np.mean(stretch.y)) for stretch in estimate.rows])) if estimate.rows else 0.0
+    if not any(log.dt for log in estimate.logs) and any(wave.order == 6 * poles for wave in cogging):
+        left_out.append(
             Advice(
                 f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told "
                 f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be "
@@ -437,19 +449,19 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
                 logs_of_kind("load"),
             )
         )
-    left_out = tuple(dict.fromkeys(left))
-    return replace(made, values=values, cogging=cogging, left_out=left_out)
+    sentences = tuple(dict.fromkeys(left_out))
+    return replace(estimate, values=values, cogging=cogging, left_out=sentences)
 
 
-def _out_of_sight(made: Estimate) -> list[str]:
+def _out_of_sight(estimate: Estimate) -> list[str]:
     """A sentence on the motor's own orders that no log shows, and how one would."""
-    moving = [log for log in made.logs if log.dt]
-    if len(moving) < len(made.logs) or not moving:
+    moving = [log for log in estimate.logs if log.dt]
+    if len(moving) < len(estimate.logs) or not moving:
         return []
-    log = min(moving, key=lambda log: made.model.width(log) * speed(log))
+    log = min(moving, key=lambda log: estimate.model.width(log) * speed(log))
     turning = max(1e-9, speed(log))
-    highest = SEEN / (made.model.width(log) * turning)
-    poles = made.known.motor.pole_pairs
+    highest = BLUR_PHASE / (estimate.model.width(log) * turning)
+    poles = estimate.identification.motor.pole_pairs
     hidden = [n for n in (2 * poles, 6 * poles) if n > highest]
     if not hidden:
         return []
@@ -457,8 +469,9 @@ def _out_of_sight(made: Estimate) -> list[str]:
     slower = SPARE_SPEED * turning * highest / order
     cures = [recording(speed=slower, log=log.name)]
     needs = f"{slower / TURN:.2g} rev/s"
-    if made.model.width(log) < (1 + ROUNDING) * WIDTH_ROWS * log.dt:  # more rows make the kernel narrower
-        rate = _up(WIDTH_ROWS * order * turning / SEEN / SPARE_SPEED)
+    by_rows = WIDTH_ROWS * log.dt
+    if estimate.model.width(log) < (1 + WIDTH_SLACK) * by_rows:  # more rows make the kernel narrower
+        rate = _up(WIDTH_ROWS * order * turning / BLUR_PHASE / SPARE_SPEED)
         cures = [recording(rate=rate, log=log.name), *cures]
         needs = f"{rate:.0f} rows a second or {needs}"
     return [

@@ -20,13 +20,13 @@ from scipy.stats import t as student
 
 from cogless.errors import StudyError
 from cogless.identify.balance import LADDER, WIDE_INSTRUMENT, Name, Rows, all_names
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 
 LOG_BLOCKS = 12
-BLOCK_ROWS = 6  # a block has no fewer
-QUARTERS = 4  # parts of a log that are compared with each other
+BLOCK_ROWS_LEAST = 6  # a block has no fewer
+LOG_QUARTERS = 4  # parts of a log that are compared with each other
 WEIGHING_ROUNDS = 4
-DEPENDENT = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
+SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
 WELL_POSED = 1e9  # condition of scaled equations, up to which they are inverted
 DELAY_SMOOTHING = 0.02  # s
 LARGEST_INFLATION = 100.0  # of a variance by the other columns
@@ -129,15 +129,15 @@ class Fit:
 def solved(matrix: Array, vector: Array) -> tuple[Array, Array]:
     """The solution of scaled equations and their inverse; what they tell nothing of is 0."""
     scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
-    both = np.outer(scale, scale)
-    scaled = matrix / both
+    scales = np.outer(scale, scale)
+    scaled = matrix / scales
     try:
         inverse = np.linalg.inv(scaled)
     except np.linalg.LinAlgError:
         inverse = np.full_like(scaled, np.inf)
     if not np.linalg.norm(inverse) * np.linalg.norm(scaled) < WELL_POSED:
-        inverse = np.linalg.pinv(scaled, rcond=DEPENDENT)
-    inverse = inverse / both
+        inverse = np.linalg.pinv(scaled, rcond=SINGULAR_SHARE)
+    inverse = inverse / scales
     return inverse @ vector, inverse
 
 
@@ -170,7 +170,7 @@ class Equations:
             )
         self.rows = tuple(rows)
         self.names = all_names(rows)
-        self.logs = tuple(dict.fromkeys(each.log.name for each in rows))
+        self.logs = tuple(dict.fromkeys(stretch.log.name for stretch in rows))
 
     def without(self, kind: str, order: int) -> Equations:
         """These equations without the waves of a kind and order."""
@@ -180,15 +180,15 @@ class Equations:
     def blocks(self) -> tuple[Block, ...]:
         blocks: list[Block] = []
         for log in self.logs:
-            own = [each for each in self.rows if each.log.name == log]
-            whole, done = sum(len(each.y) for each in own), 0
-            for each in own:
-                count, place = len(each.y), [self.names.index(name) for name in each.names]
-                wanted = max(1, min(round(LOG_BLOCKS * count / whole), count // BLOCK_ROWS))
-                for part in np.array_split(np.arange(count), wanted):
+            own = [stretch for stretch in self.rows if stretch.log.name == log]
+            whole, done = sum(len(stretch.y) for stretch in own), 0
+            for stretch in own:
+                count, place = len(stretch.y), [self.names.index(name) for name in stretch.names]
+                part_count = max(1, min(round(LOG_BLOCKS * count / whole), count // BLOCK_ROWS_LEAST))
+                for part in np.array_split(np.arange(count), part_count):
                     if len(part):
-                        quarter = min(QUARTERS - 1, QUARTERS * (done + int(part[0])) // whole)
-                        blocks.append(self._block(each, place, slice(part[0], part[-1] + 1), quarter))
+                        quarter = min(LOG_QUARTERS - 1, LOG_QUARTERS * (done + int(part[0])) // whole)
+                        blocks.append(self._block(stretch, place, slice(part[0], part[-1] + 1), quarter))
                 done += count
         return tuple(blocks)
 
@@ -199,23 +199,23 @@ class Equations:
         No noise that goes round the loop is in it.
         """
         instruments = {}
-        for each in self.rows:
-            if ("delay",) not in each.names:
+        for stretch in self.rows:
+            if ("delay",) not in stretch.names:
                 continue
-            column = each.columns[:, each.names.index(("delay",))]
+            column = stretch.columns[:, stretch.names.index(("delay",))]
             angular = [
                 k
-                for k, name in enumerate(each.names)
+                for k, name in enumerate(stretch.names)
                 if name[0] in ("c", "b", "offset", "cogging", "ripple", "own")
             ]
-            count = len(each.y)
+            count = len(stretch.y)
             if count <= 4 * (2 * len(angular) + 1):
-                instruments[id(each)] = np.zeros(count)
+                instruments[id(stretch)] = np.zeros(count)
                 continue
-            base = each.columns[:, angular]
-            smooth = gaussian_filter1d(column, DELAY_SMOOTHING / each.spacing)
+            base = stretch.columns[:, angular]
+            smooth = gaussian_filter1d(column, DELAY_SMOOTHING / stretch.spacing)
             base = np.column_stack([base, np.gradient(base, axis=0), smooth])
-            instruments[id(each)] = base @ solved(base.T @ base, base.T @ column)[0]
+            instruments[id(stretch)] = base @ solved(base.T @ base, base.T @ column)[0]
         return instruments
 
     def _block(self, rows: Rows, place: Sequence[int], part: slice, quarter: int) -> Block:
@@ -237,7 +237,16 @@ class Equations:
             products[place] = course @ columns
             late = (products, float(course @ y))
         return Block(
-            rows.log.name, quarter, matrix, vector, noise, instruments, z @ y, float(y @ y), len(y), late
+            log=rows.log.name,
+            part=quarter,
+            matrix=matrix,
+            vector=vector,
+            noise=noise,
+            instruments=instruments,
+            driven=z @ y,
+            squares=float(y @ y),
+            rows=len(y),
+            late=late,
         )
 
     @cached_property
@@ -345,12 +354,12 @@ class Equations:
     def _variance(self, log: str, values: Array) -> float:
         """Variance of a log's residual, A^2: at least a millionth of its current's square."""
         matrix, vector, squares, count = self._plain[log]
-        left = squares - 2 * values @ vector + values @ matrix @ values
-        return max(float(left), 1e-9 * squares + 1e-18) / count
+        residual = squares - 2 * values @ vector + values @ matrix @ values
+        return max(float(residual), 1e-9 * squares + 1e-18) / count
 
     def residuals(self, fit: Fit) -> list[tuple[Rows, Array]]:
         """What the fit leaves of i_q, A, in each part."""
-        return [(each, each.y - fit.prediction(each)) for each in self.rows]
+        return [(stretch, stretch.y - fit.prediction(stretch)) for stretch in self.rows]
 
 
 def _variance_of(moved: Array) -> tuple[Array, Array]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 
-REACH = 4  # widths that a kernel reaches to either side
+REACH_WIDTHS = 4  # widths that a kernel reaches to either side
 ANSWER_ROWS = 8  # in which a law's current follows the angle
 
 
@@ -19,14 +19,14 @@ class Kernel:
     """
 
     def __init__(self, width: float, dt: float, delay: float = 0.0) -> None:
-        self.half = int(np.ceil((REACH * width + abs(delay)) / dt))
+        self.half = int(np.ceil((REACH_WIDTHS * width + abs(delay)) / dt))
         x = dt * np.arange(-self.half, self.half + 1, dtype=np.float64)
         self.value = np.exp(-0.5 * (x / width) ** 2)
         self.value /= self.value.sum()
         self.slope, self.curvature = _derivatives(x, width)
         self.speed, self.acceleration = _derivatives(x + delay, width)
 
-    def of(self, x: Array, weights: Array, step: int) -> Array:
+    def filter(self, x: Array, weights: Array, step: int) -> Array:
         """The filtered signal at every step-th row that the kernel covers."""
         if step == 1:
             return np.correlate(x, weights, "valid")

@@ -15,20 +15,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.result import Value
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 
-TAPS = 5  # rows in which i_q follows the angle
-LATEST = 5  # rows of a log by which i_q is late, at most
-FEWEST = 300  # rows
-MISFIT = 0.1  # of what the filter explains: from here on the law is not the described one
-GAIN = 0.01  # to which the filter's gain is known: by the inertia that tunes a law, by sensors of currents
-FINE = 20  # delays that are tried between two rows of the trace
-LIKELY = 4.0  # of the objective above its least, in its own variance: 95 % of one value
-NONE: Mapping[str, Trace] = MappingProxyType({})
-NOTHING = Value(0.0, 0.0)
+ANGLE_ROWS = 5  # rows in which i_q follows the angle
+LATE_ROWS_MOST = 5  # rows of a log by which i_q is late, at most
+LATENESS_ROWS_LEAST = 300  # rows of a log
+MISFIT_MOST = 0.1  # share of what the filter explains: above it the law is not the described one
+GAIN_ERROR = 0.01  # relative error of the filter's gain, by the law's inertia and the current sensors
+DELAYS_A_ROW = 20  # delays that are tried between two rows of the trace
+LIKELY_EXCESS = 4.0  # the objective above its least, in its own variance: 95 % of one value
+NO_TRACES: Mapping[str, Trace] = MappingProxyType({})
+NO_VALUE = Value(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -36,8 +35,8 @@ class Lateness:
     """How late i_q is logged, s, and the part of the added dead time that the drive has; or why not."""
 
     delay: Value | None
-    part: Value = NOTHING
-    said: str = ""
+    part: Value = NO_VALUE
+    remark: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +59,7 @@ def lateness(
     traces: Mapping[str, Trace],
     bandwidth: float,
     period: float,
-    with_dead_time: Mapping[str, Trace] = NONE,
+    with_dead_time: Mapping[str, Trace] = NO_TRACES,
     by_balance: Value | None = None,
 ) -> Lateness:
     """The delay of i_q by the logs that follow the described law; None, and why: no log does.
@@ -73,25 +72,25 @@ def lateness(
     profiles: list[Profile] = []
     unlike: list[tuple[float, str]] = []
     for log in logs:
-        if "i_q" not in log or log.name not in traces or len(log) < FEWEST:
+        if "i_q" not in log or log.name not in traces or len(log) < LATENESS_ROWS_LEAST:
             continue
         every = max(1, round(period / log.dt))
-        made = _profile(log, every, traces[log.name], with_dead_time.get(log.name))
-        if made.misfit > MISFIT:
-            unlike.append((made.misfit, log.name))
-        elif np.ptp(made.away) > 0:
-            profiles.append(made)
+        profile = _profile(log, every, traces[log.name], with_dead_time.get(log.name))
+        if profile.misfit > MISFIT_MOST:
+            unlike.append((profile.misfit, log.name))
+        elif np.ptp(profile.away) > 0:
+            profiles.append(profile)
     if not profiles:
-        return Lateness(None, said="".join(_said(*most) for most in sorted(unlike)[:1]))
+        return Lateness(None, remark="".join(_misfit_remark(*most) for most in sorted(unlike)[:1]))
     delays = min((profile.delays for profile in profiles), key=lambda delays: float(delays[1]))
     away = np.array([np.interp(delays, profile.delays, profile.away) for profile in profiles])
     together = np.sum(away, axis=0)
     least = float(np.min(together))
     # logs that contradict each other
     apart = (least - float(np.sum(np.min(away, axis=1)))) / max(1, len(away) - 1)
-    unlikely = LIKELY * max(1.0, apart)
+    unlikely = LIKELY_EXCESS * max(1.0, apart)
     if by_balance is not None:
-        with_balance = together + LIKELY * ((delays - by_balance.value) / by_balance.error) ** 2
+        with_balance = together + LIKELY_EXCESS * ((delays - by_balance.value) / by_balance.error) ** 2
         if float(np.min(with_balance)) <= least + unlikely:
             together = with_balance
     likely = delays[together <= float(np.min(together)) + unlikely]
@@ -105,20 +104,20 @@ def lateness(
 def _part(profiles: Sequence[Profile], delay: Value) -> Value:
     """The part of the added dead time that all logs together have; wider where they contradict each other."""
 
-    def at(late: float) -> tuple[Array, Array]:
-        both = [
+    def parts_at(late: float) -> tuple[Array, Array]:
+        pairs = [
             (np.interp(late, p.delays, p.part), np.interp(late, p.delays, p.information)) for p in profiles
         ]
-        parts, information = np.transpose(both)
+        parts, information = np.transpose(pairs)
         return parts, information
 
     def mean(late: float) -> float:
-        parts, information = at(late)
+        parts, information = parts_at(late)
         return float(parts @ information) / max(float(np.sum(information)), 1e-300)
 
-    parts, information = at(delay.value)
+    parts, information = parts_at(delay.value)
     if not np.any(information):
-        return NOTHING
+        return NO_VALUE
     middle = mean(delay.value)
     apart = float((parts - middle) ** 2 @ information) / max(1, len(parts) - 1)
     own = 2 * np.sqrt(max(1.0, apart) / np.sum(information))
@@ -126,7 +125,7 @@ def _part(profiles: Sequence[Profile], delay: Value) -> Value:
     return Value(middle, float(np.hypot(own, by_delay)))
 
 
-def _said(misfit: float, log: str) -> str:
+def _misfit_remark(misfit: float, log: str) -> str:
     return (
         f"{log}: i_q does not follow the angle as under the described controller "
         f"({100 * misfit:.0f} % differs), so the delay is known only to half a period of the law: its "
@@ -150,7 +149,7 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
     misfit = float(np.min(np.sum(off**2, axis=0))) / explained
     along = metric @ filters
     lengths = np.maximum(np.sqrt(np.sum(along**2, axis=0)), 1e-300)
-    shrunk = 1 - 1 / np.sqrt(1 + (GAIN * lengths) ** 2 / max(2 * noise, 1e-300))
+    shrunk = 1 - 1 / np.sqrt(1 + (GAIN_ERROR * lengths) ** 2 / max(2 * noise, 1e-300))
 
     def weighed(x: Array) -> Array:
         """What is along the filter counts less: its gain is not known exactly."""
@@ -163,23 +162,23 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
         squares = np.sum(moved**2, axis=0)
         part = np.divide(np.sum(moved * off, axis=0), squares, out=np.zeros_like(squares), where=squares > 0)
         off, free = off - part * moved, free - 1
-    left = np.sum(off**2, axis=0)
-    spread = max(2 * noise, float(np.min(left)) / free, 1e-300)  # Both filters have noise.
-    delays = np.asarray(trace.period / FINE * np.arange(len(left)), dtype=np.float64)
-    return Profile(delays, left / spread, part, squares / spread, misfit)
+    rest = np.sum(off**2, axis=0)
+    spread = max(2 * noise, float(np.min(rest)) / free, 1e-300)  # Both filters have noise.
+    delays = np.asarray(trace.period / DELAYS_A_ROW * np.arange(len(rest)), dtype=np.float64)
+    return Profile(delays, rest / spread, part, squares / spread, misfit)
 
 
 def _filters(trace: Trace, step: int) -> Array:
     """The filter, a row for each tap, of every step-th row of a trace, by how late its current is logged."""
     columns = _motion(np.unwrap(trace["theta_measured"])[::step], step * trace.period)
     current = trace["i_q"]
-    late = np.arange(LATEST * step + 1)
+    late = np.arange(LATE_ROWS_MOST * step + 1)
     sides = []
     for rows in late:
         moved = np.concatenate((current[:1].repeat(rows), current[: len(current) - rows]))[::step]
         sides.append(columns.T @ _changes(moved))
     filters, *_ = np.linalg.lstsq(columns.T @ columns, np.transpose(sides), rcond=1e-12)
-    fine = np.arange((len(late) - 1) * FINE + 1) / FINE
+    fine = np.arange((len(late) - 1) * DELAYS_A_ROW + 1) / DELAYS_A_ROW
     return np.array([np.interp(fine, late, tap) for tap in filters])
 
 
@@ -187,11 +186,11 @@ def _motion(theta: Array, dt: float) -> Array:
     """Changes of the speed in the rows before each, and that speed."""
     omega = np.diff(theta) / dt
     changes = np.diff(omega)
-    rows = np.arange(TAPS - 1, len(changes))
-    columns = [changes[rows - tap] for tap in range(TAPS)]
+    rows = np.arange(ANGLE_ROWS - 1, len(changes))
+    columns = [changes[rows - tap] for tap in range(ANGLE_ROWS)]
     return np.column_stack((*columns, omega[rows - 1]))
 
 
 def _changes(current: Array) -> Array:
     """The change of the current in each row of `_motion`."""
-    return np.diff(current[TAPS:])
+    return np.diff(current[ANGLE_ROWS:])

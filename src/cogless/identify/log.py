@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from cogless.errors import StudyError
 from cogless.identify.advice import Advice, AdvisedError, Cure
 from cogless.identify.config import COUNT, Identification, LogRule
-from cogless.identify.files import Array, Columns, LogColumns, printable
+from cogless.identify.files import Columns, LogColumns, printable
 from cogless.identify.read_log import read
-from cogless.units import RPM, TURN
+from cogless.results.trace import Array
+from cogless.units import DEGREE, RPM, TURN
 
-GAP = 2.5  # periods without a row
+GAP_PERIODS = 2.5  # a longer time without a row is a gap
 ROW_LOST = 1.5  # periods, where a row that lacks a number is left out
 BURSTS_LEAST = 20  # in a log whose stamps are those of packets
 BURST_TIME = 0.1  # share of the time that passes within bursts, at most
@@ -29,16 +30,16 @@ BURST_MOVE = 2.0  # of the angle between bursts over that between their rows: of
 BURSTS_BESIDE = 5  # on each side of a burst, by whose mean delay a lost one shows
 UNEVEN_SHARE = 0.25  # of a burst's time, by which packets are late at random, at most
 LOST_SHARE = 0.5  # of a burst's time, from which on it is lost and not late
-FEWEST = 100  # rows
+TIMED_ROWS_LEAST = 100  # rows of a log with a clock, or of a stretch of one
 CURRENTS = ("i_q", "i_d", "i_a", "i_b", "i_c")
-BEYOND = 3.0  # times the current's limit
-TURNED = 0.2  # rad rms
+CURRENT_RATIO_MOST = 3.0  # a current over the drive's limit
+MOTION_LEAST = 0.2  # rad rms: with less motion, speed and angle are not compared
 IN_PROPORTION = 0.98  # cosine between two currents' amplitudes, from which their ratio counts, within 2 %
-AGREE = 1.5  # the speed by one over the speed by the other: a filter's lag or lost counts stay below it
-MISTAKEN: tuple[tuple[float, str, Cure], ...] = (
-    (30 / np.pi, 'the speed looks like rpm: unit = "rpm"', {"columns.omega.unit": "rpm"}),
-    (180 / np.pi, 'the speed looks like deg/s: unit = "deg/s"', {"columns.omega.unit": "deg/s"}),
-    (np.pi / 180, 'the angle looks like degrees: unit = "deg"', {"columns.theta.unit": "deg"}),
+SPEED_RATIO_MOST = 1.5  # omega over the angle's own speed: a filter's lag or lost counts stay below it
+UNIT_MISTAKES: tuple[tuple[float, str, Cure], ...] = (
+    (1 / RPM, 'the speed looks like rpm: unit = "rpm"', {"columns.omega.unit": "rpm"}),
+    (1 / DEGREE, 'the speed looks like deg/s: unit = "deg/s"', {"columns.omega.unit": "deg/s"}),
+    (DEGREE, 'the angle looks like degrees: unit = "deg"', {"columns.theta.unit": "deg"}),
     (1 / TURN, 'the speed looks like revolutions: unit = "rev/s"', {"columns.omega.unit": "rev/s"}),
     (TURN, 'the angle looks like revolutions: unit = "rev"', {"columns.theta.unit": "rev"}),
     (1e3, 'the time looks like milliseconds: unit = "ms"', {"columns.t.unit": "ms"}),
@@ -54,7 +55,7 @@ NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading
 SPREAD_LEAST = 0.07  # of a period, by which rows are apart unevenly, from which on it is told
 OWN_TIMES = "each is used at its own time"
 EVEN_ROWS = "their times are taken for rounded, and the rows for even"
-REPEATED = 0.2  # share of rows that repeat the one before, from which on it is told
+REPEATED_SHARE = 0.2  # share of rows that repeat the one before, from which on it is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,28 +240,28 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
     remarks: list[str] = []
     columns = _before_a_column_ends(name, columns, identification, remarks)
     columns, after_loss = _complete(where, name, columns, remarks)
-    found = {
+    signals = {
         signal: identification.factor(signal) * columns[column.name]
         for signal, column in identification.columns.items()
         if column.name in columns
     }
-    if "theta_m" in columns and {"theta", "i_q", "i_d"} <= found.keys():
-        _by_measured_angle(found, columns["theta_m"], identification.motor.pole_pairs)
-    for signal in found:
+    if "theta_m" in columns and {"theta", "i_q", "i_d"} <= signals.keys():
+        _by_measured_angle(signals, columns["theta_m"], identification.motor.pole_pairs)
+    for signal in signals:
         still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
-        if still and not np.any(found[signal] != found[signal][0]):
+        if still and not np.any(signals[signal] != signals[signal][0]):
             raise StudyError(
                 f"{where}: {identification.columns[signal].name}: never changes: expected a moving {signal}"
             )
-    if found.keys() <= {"t"}:
+    if signals.keys() <= {"t"}:
         raise StudyError(f"{where}: nothing but the time: expected an angle, a speed or a current in columns")
-    if rule.kind == "hold" and "t" not in found:
-        return _hold(where, name, rule, found, identification, remarks)
-    if "t" not in found:
+    if rule.kind == "hold" and "t" not in signals:
+        return _hold(where, name, rule, signals, identification, remarks)
+    if "t" not in signals:
         raise StudyError(f"{where}: {_heading(identification, 't')}: missing: expected the time of each row")
-    if len(found["t"]) < FEWEST:
-        raise StudyError(f"{where}: {len(found['t'])} rows: expected {FEWEST} or more")
-    return _timed(where, name, rule, found, identification, after_loss, remarks)
+    if len(signals["t"]) < TIMED_ROWS_LEAST:
+        raise StudyError(f"{where}: {len(signals['t'])} rows: expected {TIMED_ROWS_LEAST} or more")
+    return _timed(where, name, rule, signals, identification, after_loss, remarks)
 
 
 def _before_a_column_ends(
@@ -270,7 +271,7 @@ def _before_a_column_ends(
     heading_t = _heading(identification, "t")
     ends = {heading: len(of) - int(np.argmax(~np.isnan(of)[::-1])) for heading, of in columns.items()}
     heading, end = min(ends.items(), key=lambda item: item[1])
-    if heading_t not in columns or min(end, len(columns[heading_t]) - end) < FEWEST:
+    if heading_t not in columns or min(end, len(columns[heading_t]) - end) < TIMED_ROWS_LEAST:
         return columns
     time = identification.factor("t") * columns[heading_t]
     first, last, whole = (np.nan_to_num(time[row]) for row in (0, end - 1, -1))
@@ -291,10 +292,10 @@ def _complete(
     whole = ~np.logical_or.reduce(list(lacking.values()))
     counts = {heading: int(np.sum(lacks)) for heading, lacks in lacking.items() if lacks.any()}
     lacking_text = ", ".join(f'{count} in "{printable(heading)}"' for heading, count in counts.items())
-    if counts and np.sum(whole) < FEWEST:
+    if counts and np.sum(whole) < TIMED_ROWS_LEAST:
         raise StudyError(
             f"{where}: {np.sum(whole)} of {len(whole)} rows have a number in every column (lacking: "
-            f"{lacking_text}): expected {FEWEST} or more, so log the columns together or leave one "
+            f"{lacking_text}): expected {TIMED_ROWS_LEAST} or more, so log the columns together or leave one "
             "out of [columns]"
         )
     if counts:
@@ -303,10 +304,10 @@ def _complete(
     return {heading: values[whole] for heading, values in columns.items()}, np.diff(rows, prepend=-1) > 1
 
 
-def _by_measured_angle(found: Columns, true: Array, pole_pairs: int) -> None:
+def _by_measured_angle(signals: Columns, true: Array, pole_pairs: int) -> None:
     """Turn a run's true currents into those that its drive has, by the angle that it measures."""
-    currents = (found["i_d"] + 1j * found["i_q"]) * np.exp(-1j * pole_pairs * (found["theta"] - true))
-    found["i_d"], found["i_q"] = currents.real, currents.imag
+    currents = (signals["i_d"] + 1j * signals["i_q"]) * np.exp(-1j * pole_pairs * (signals["theta"] - true))
+    signals["i_d"], signals["i_q"] = currents.real, currents.imag
 
 
 def _heading(identification: Identification, signal: str) -> str:
@@ -314,15 +315,15 @@ def _heading(identification: Identification, signal: str) -> str:
 
 
 def _hold(
-    where: str, name: str, rule: LogRule, found: Columns, identification: Identification, remarks: list[str]
+    where: str, name: str, rule: LogRule, signals: Columns, identification: Identification, remarks: list[str]
 ) -> Log:
     for signal in ("theta", "i_q", "direction"):
-        if signal not in found:
+        if signal not in signals:
             expected = "a hold map needs theta, i_q and the direction that the rotor came from"
             raise StudyError(f"{where}: {_heading(identification, signal)}: missing: {expected}")
-    found["direction"] = np.sign(found["direction"])
-    stretches = (slice(0, len(found["theta"])),)
-    return Log(name, rule, dt=0.0, signals=found, stretches=stretches, remarks=remarks)
+    signals["direction"] = np.sign(signals["direction"])
+    stretches = (slice(0, len(signals["theta"])),)
+    return Log(name, rule, dt=0.0, signals=signals, stretches=stretches, remarks=remarks)
 
 
 def _one_clock(name: str, t: Array, identification: Identification, remarks: list[str]) -> Array:
@@ -349,7 +350,7 @@ def _one_clock(name: str, t: Array, identification: Identification, remarks: lis
     return t
 
 
-def _without_bursts(name: str, t: Array, found: Columns, remarks: list[str]) -> Array:
+def _without_bursts(name: str, t: Array, signals: Columns, remarks: list[str]) -> Array:
     """Times for rows that share the stamp of a packet, evenly by their number; else the time as it is.
 
     Rows of packets are even in truth: the angle moves as much between two packets as within one. It does not
@@ -358,7 +359,7 @@ def _without_bursts(name: str, t: Array, found: Columns, remarks: list[str]) -> 
     """
     steps = np.diff(t)
     first = np.concatenate(([0], np.flatnonzero(steps > np.mean(steps)) + 1))
-    moved = np.abs(np.angle(np.exp(1j * np.diff(found["theta"])))) if "theta" in found else np.zeros(0)
+    moved = np.abs(np.angle(np.exp(1j * np.diff(signals["theta"])))) if "theta" in signals else np.zeros(0)
     between = np.zeros(len(steps), dtype=bool)
     between[first[1:] - 1] = True
     if (
@@ -396,12 +397,12 @@ def _timed(
     where: str,
     name: str,
     rule: LogRule,
-    found: Columns,
+    signals: Columns,
     identification: Identification,
     after_loss: NDArray[np.bool_],
     remarks: list[str],
 ) -> Log:
-    t = _one_clock(name, found.pop("t"), identification, remarks)
+    t = _one_clock(name, signals.pop("t"), identification, remarks)
     back = np.flatnonzero(np.diff(t) < 0)
     if len(back):
         at = back[0] + 2
@@ -409,7 +410,7 @@ def _timed(
             f"{where}: {_heading(identification, 't')}: row {at}: the time goes back: expected one clock, "
             "or a file for each recording"
         )
-    t = _without_bursts(name, t, found, remarks)
+    t = _without_bursts(name, t, signals, remarks)
     keep = np.concatenate(([True], np.diff(t) > 0))
     if np.mean(keep) < 0.5:
         raise StudyError(
@@ -418,51 +419,53 @@ def _timed(
         )
     if not keep.all():
         remarks.append(f"{name}: {np.sum(~keep)} rows have the time of the row before and are left out.")
-        t, found = t[keep], {signal: values[keep] for signal, values in found.items()}
+        t, signals = t[keep], {signal: values[keep] for signal, values in signals.items()}
         after_loss = after_loss[keep]
     dt = float(np.median(np.diff(t)))
-    ends = np.flatnonzero(np.diff(t) > np.where(after_loss[1:], ROW_LOST, GAP) * dt) + 1
+    ends = np.flatnonzero(np.diff(t) > np.where(after_loss[1:], ROW_LOST, GAP_PERIODS) * dt) + 1
     edges = [0, *ends.tolist(), len(t)]
     if len(ends):
         longest = float(np.max(np.diff(t)))
         remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
-    _within_limit(where, found, identification)
-    _amplitudes_agree(where, found, identification)
-    if "theta" in found:
-        _degrees(where, t, found, identification)
-        raw = found["theta"]
+    _within_limit(where, signals, identification)
+    _amplitudes_agree(where, signals, identification)
+    if "theta" in signals:
+        _degrees(where, t, signals, identification)
+        raw = signals["theta"]
         column, tick = _heading(identification, "theta"), abs(identification.factor("theta"))
-        found["theta"] = _unwrapped(name, f"{where}: {column}", found["theta"], ends, remarks, tick)
-        whole = _slip(name, found["theta"], identification.step, ends, remarks)
-        if whole < FEWEST:
+        signals["theta"] = _unwrapped(name, f"{where}: {column}", signals["theta"], ends, remarks, tick)
+        whole = _slip(name, signals["theta"], identification.step, ends, remarks)
+        if whole < TIMED_ROWS_LEAST:
             heading = _heading(identification, "theta")
             jumps = f"{where}: {heading}: row {whole + 1}: the angle jumps, and only {whole} "
             degrees = np.unwrap(np.radians(raw))
             has_unit = bool(identification.columns["theta"].unit)
             if not has_unit and _slip(name, degrees, identification.step, ends, []) == len(t):
-                units = {"theta": "deg", **({"omega": "deg/s"} if "omega" in found else {})}
+                units = {"theta": "deg", **({"omega": "deg/s"} if "omega" in signals else {})}
                 cure = {f"columns.{signal}.unit": unit for signal, unit in units.items()}
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
                 raise AdvisedError(
                     Advice(f"{jumps}rows are before; degrees would not jump: expected {lines}", cure)
                 )
             raise StudyError(
-                f"{jumps}rows are before: expected {FEWEST} or more of an encoder's angle, not one of Hall "
-                "sensors"
+                f"{jumps}rows are before: expected {TIMED_ROWS_LEAST} or more of an encoder's angle, "
+                "not one of Hall sensors"
             )
-        t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
-        _units_agree(where, t, found, identification)
+        t, signals = t[:whole], {signal: values[:whole] for signal, values in signals.items()}
+        _units_agree(where, t, signals, identification)
         edges = [*(edge for edge in edges if edge < len(t)), len(t)]
-        _repeats(name, found, identification.step, remarks)
+        _repeats(name, signals, identification.step, remarks)
     parts: list[Columns] = []
     spreads: dict[str, float] = {}
     for first, last in pairwise(edges):
-        if last - first >= FEWEST:
-            part, use = _even(t[first:last], {s: v[first:last] for s, v in found.items()}, dt)
+        if last - first >= TIMED_ROWS_LEAST:
+            part, use = _even(t[first:last], {s: v[first:last] for s, v in signals.items()}, dt)
             parts.append(part)
             spreads[use] = max(spreads.get(use, 0.0), float(np.std(np.diff(t[first:last]))))
     if not parts:
-        raise StudyError(f"{where}: no {FEWEST} rows without a gap: expected a log without so many gaps")
+        raise StudyError(
+            f"{where}: no {TIMED_ROWS_LEAST} rows without a gap: expected a log without so many gaps"
+        )
     apart = f"rows are {1e3 * _period(t, dt):.3g} ms apart"
     remarks += [
         f"{name}: {apart}, with a spread of {1e3 * spread:.2g} ms rms; {use}."
@@ -477,34 +480,34 @@ def _timed(
         joined["theta"] = joined["theta"] + offset
     starts = np.cumsum([0, *(len(next(iter(part.values()))) for part in parts)])
     stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(starts))
-    return Log(name, rule, _period(t, dt), joined, stretches, remarks)
+    return Log(name, rule, dt=_period(t, dt), signals=joined, stretches=stretches, remarks=remarks)
 
 
-def _within_limit(where: str, found: Columns, identification: Identification) -> None:
+def _within_limit(where: str, signals: Columns, identification: Identification) -> None:
     """A current that no drive of this limit has is one in another unit."""
     limit = identification.drive.current_loop.current_limit
     for signal in CURRENTS:
-        most = float(np.max(np.abs(found.get(signal, 0.0))))
-        if most > BEYOND * limit:
+        most = float(np.max(np.abs(signals.get(signal, 0.0))))
+        if most > CURRENT_RATIO_MOST * limit:
             raise AdvisedError(
                 Advice(
                     f"{where}: {_heading(identification, signal)}: "
-                    f"row {np.argmax(np.abs(found[signal])) + 1}: "
+                    f"row {np.argmax(np.abs(signals[signal])) + 1}: "
                     f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
                     'such as unit = "mA"',
-                    {f"columns.{each}.unit": "mA" for each in CURRENTS if each in found},
+                    {f"columns.{current}.unit": "mA" for current in CURRENTS if current in signals},
                 )
             )
 
 
-def _amplitudes_agree(where: str, found: Columns, identification: Identification) -> None:
+def _amplitudes_agree(where: str, signals: Columns, identification: Identification) -> None:
     """i_q and i_d are as large as the phases' currents; by their rms they are 1/sqrt(2) of it."""
-    if not {"i_q", "i_a", "i_b"} <= found.keys():
+    if not {"i_q", "i_a", "i_b"} <= signals.keys():
         return
     i_q, i_a, i_b = (_heading(identification, signal) for signal in ("i_q", "i_a", "i_b"))
-    a, b = found["i_a"], found["i_b"]
-    phases = np.sqrt(2 / 3 * (a**2 + b**2 + found.get("i_c", -a - b) ** 2))
-    seen = np.hypot(found["i_q"], found.get("i_d", 0.0))
+    a, b = signals["i_a"], signals["i_b"]
+    phases = np.sqrt(2 / 3 * (a**2 + b**2 + signals.get("i_c", -a - b) ** 2))
+    seen = np.hypot(signals["i_q"], signals.get("i_d", 0.0))
     square, other = float(phases @ phases), float(seen @ seen)
     ratio = float(seen @ phases) / square if square else 0.0
     alike = ratio * np.sqrt(square / other) if other else 0.0  # 1: in proportion
@@ -514,24 +517,27 @@ def _amplitudes_agree(where: str, found: Columns, identification: Identification
                 f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: "
                 f"expected peak amperes: {identification.columns['i_q'].name} with scale = 1.41421 "
                 "in the file of columns",
-                {"columns.i_q.scale": 1.41421, **({"columns.i_d.scale": 1.41421} if "i_d" in found else {})},
+                {
+                    "columns.i_q.scale": 1.41421,
+                    **({"columns.i_d.scale": 1.41421} if "i_d" in signals else {}),
+                },
             )
         )
 
 
-def _degrees(where: str, t: Array, found: Columns, identification: Identification) -> None:
+def _degrees(where: str, t: Array, signals: Columns, identification: Identification) -> None:
     """An angle in degrees moves far in a row, which looks like a wrap or a slipped index: it is told before.
 
     The median over the faster half of the rows does not see where it wraps.
     """
-    if "omega" not in found:
+    if "omega" not in signals:
         return
-    turned = 0.5 * (found["omega"][1:] + found["omega"][:-1]) * np.diff(t)
-    moved = np.diff(found["theta"])
+    turned = 0.5 * (signals["omega"][1:] + signals["omega"][:-1]) * np.diff(t)
+    moved = np.diff(signals["theta"])
     rows = (np.abs(turned) >= np.median(np.abs(turned))) & (moved != 0)
     ratio = float(np.median(turned[rows] / moved[rows])) if np.any(rows) else 0.0
     in_degrees = [
-        mistake for mistake in (*MISTAKEN, *_electrical(identification)) if "theta" in str(mistake[2])
+        mistake for mistake in (*UNIT_MISTAKES, *_electrical(identification)) if "theta" in str(mistake[2])
     ]
     likely = [
         (says, cure)
@@ -556,20 +562,20 @@ def _disagreement(
     )
 
 
-def _units_agree(where: str, t: Array, found: Columns, identification: Identification) -> None:
+def _units_agree(where: str, t: Array, signals: Columns, identification: Identification) -> None:
     """The speed is the angle's change in time, or the unit of one of the three is another."""
-    if "omega" not in found:
+    if "omega" not in signals:
         return
-    omega, steps = found["omega"], np.diff(t)
-    whole = steps <= GAP * np.median(steps)  # over a gap the speed is not known
-    moved, turned = np.diff(found["theta"]), 0.5 * (omega[1:] + omega[:-1]) * steps
+    omega, steps = signals["omega"], np.diff(t)
+    whole = steps <= GAP_PERIODS * np.median(steps)  # over a gap the speed is not known
+    moved, turned = np.diff(signals["theta"]), 0.5 * (omega[1:] + omega[:-1]) * steps
     way, sped = (x - np.mean(x) for x in (np.cumsum(moved[whole]), np.cumsum(turned[whole])))
     square = float(way @ way)
-    if square < len(way) * max(TURNED, 20 * identification.step) ** 2:
+    if square < len(way) * max(MOTION_LEAST, 20 * identification.step) ** 2:
         return  # it hardly turns
     ratio = float(way @ sped) / square
-    if not 1 / AGREE < ratio < AGREE:
-        mistaken = (*MISTAKEN, *_electrical(identification), *_of_bits(identification))
+    if not 1 / SPEED_RATIO_MOST < ratio < SPEED_RATIO_MOST:
+        mistaken = (*UNIT_MISTAKES, *_electrical(identification), *_of_bits(identification))
         likely = [(says, cure) for factor, says, cure in mistaken if 0.95 < ratio / factor < 1.05]
         raise _disagreement(where, ratio, likely, identification)
 
@@ -618,10 +624,10 @@ def _of_bits(identification: Identification) -> list[tuple[float, str, Cure]]:
 def _period(t: Array, dt: float) -> float:
     """Mean time between rows where there is no gap, s."""
     steps = np.diff(t)
-    return float(np.mean(steps[steps <= GAP * dt]))
+    return float(np.mean(steps[steps <= GAP_PERIODS * dt]))
 
 
-def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, str]:
+def _even(t: Array, signals: Columns, dt: float) -> tuple[Columns, str]:
     """Bring rows to equal times; returns them and how each row's time was used, for a remark.
 
     Times that are only rounded, to steps as large as their jitter, are taken for equal ones.
@@ -632,9 +638,9 @@ def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, str]:
     jitter = float(np.std(off))
     grain = float(np.min(np.diff(np.unique(np.round(np.diff(t), 9))), initial=np.inf))
     if jitter < 0.02 * dt or (np.isfinite(grain) and grain > 0.1 * dt and jitter <= grain):
-        return found, EVEN_ROWS
+        return signals, EVEN_ROWS
     even = np.arange(t[0], t[-1], slope)
-    return {signal: np.interp(even, t, values) for signal, values in found.items()}, OWN_TIMES
+    return {signal: np.interp(even, t, values) for signal, values in signals.items()}, OWN_TIMES
 
 
 def _moved(theta: Array, ends: NDArray[np.int_]) -> Array:
@@ -667,12 +673,14 @@ def _unwrapped(
     return np.unwrap(theta)
 
 
-def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None:
-    moved = abs(np.diff(found["theta"]))
+def _repeats(name: str, signals: Columns, step: float, remarks: list[str]) -> None:
+    moved = abs(np.diff(signals["theta"]))
     if np.mean(moved) < 2 * step:
         return  # so slow that a count lasts longer than a row
-    same = np.logical_and.reduce([np.diff(found[s]) == 0 for s in found if s in ("theta", "omega", "i_q")])
-    if np.mean(same) > REPEATED:
+    same = np.logical_and.reduce(
+        [np.diff(signals[s]) == 0 for s in signals if s in ("theta", "omega", "i_q")]
+    )
+    if np.mean(same) > REPEATED_SHARE:
         remarks.append(
             f"{name}: {100 * np.mean(same):.0f} % of the rows repeat the one before: "
             "the log is faster than the drive."

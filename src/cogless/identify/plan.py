@@ -12,18 +12,18 @@ from scipy.optimize import brentq
 from cogless import units
 from cogless.design.detent import overrun
 from cogless.errors import StudyError
-from cogless.identify.balance import VISIBLE, WIDTH
+from cogless.identify.balance import KERNEL_WIDTH, WAVE_RATE_SHARE
 from cogless.identify.described import metrics, with_steps
 from cogless.study import AnyStudy, Study
 from cogless.study.messages import toml
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Hall
+from cogless.units import RPM, TURN
 
-RATE = 1000.0  # rows of a log a second; fewer for a rotor that sticks
-TURNING = 0.8  # s, from one speed to its opposite; longer for a rotor that sticks
+LOG_RATE = 1000.0  # rows of a log a second; fewer for a rotor that sticks
+REVERSAL_TIME = 0.8  # s, from one speed to its opposite; longer for a rotor that sticks
 AT_LIMIT = 0.999  # of what the voltage reaches: a top speed above is one that was lowered to it
-RPM = 30 / math.pi
-KINDS = {
+SCENARIO_KINDS = {
     "slow": "slow-sweep",
     "one-speed": "constant-speed",
     "fast": "constant-speed",
@@ -68,7 +68,7 @@ def _voltage(study: Study) -> str:
 def highest(study: Study, law: str) -> float:
     """Highest speed of a plan, rad/s: there the voltage drives the current that turns the rotor around."""
     hills = sum(size for _, size in overrun(study, law))
-    return reach(study, lambda speed: max(hills, 2 * study.mechanics.inertia * speed / TURNING))
+    return reach(study, lambda speed: max(hills, 2 * study.mechanics.inertia * speed / REVERSAL_TIME))
 
 
 def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
@@ -90,19 +90,19 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
     load = 0.2 * study.drive.current_loop.current_limit * study.motor.star().K_t
     with_load = reach(study, lambda speed: load)
     most = highest(study, law)
-    v = min(first.top_reference or 2 * math.pi, most / 3)
-    passed = 1 / (sixth * WIDTH) / v
+    v = min(first.top_reference or TURN, most / 3)
+    passed = 1 / (sixth * KERNEL_WIDTH) / v
     slow, loaded = min(0.25, 0.5 * passed), min(1.0, passed, with_load / v)
-    shown = 0.9 * VISIBLE * RATE * 2 * math.pi / sixth / v
-    fast, rate = min(6.0, max(3.0, shown), most / v), RATE
+    visible = 0.9 * WAVE_RATE_SHARE * LOG_RATE * TURN / sixth / v
+    fast, rate = min(6.0, max(3.0, visible), most / v), LOG_RATE
     least = math.sqrt(2 * 2 * sum(2 * size / n for n, size in hills) / inertia)
-    sweeps = [(0.5 + TURNING * n, 5 / 6 * fast * (-1) ** n) for n in range(9)]
+    sweeps = [(0.5 + REVERSAL_TIME * n, 5 / 6 * fast * (-1) ** n) for n in range(9)]
     if least > slow * v:
         turning = sum(size for _, size in hills)
         if least > min(most / 3, with_load):
             raise StudyError(
-                f"{_voltage(study)}: expected more: cogging stops this rotor below {least * RPM:.3g} rpm, so "
-                f"the plan needs {3 * least * RPM:.3g} rpm, and the voltage reaches {most * RPM:.3g}"
+                f"{_voltage(study)}: expected more: cogging stops this rotor below {least / RPM:.3g} rpm, so "
+                f"the plan needs {3 * least / RPM:.3g} rpm, and the voltage reaches {most / RPM:.3g}"
             )
         v = max(v, 1.5 * least)  # at most half of what the voltage reaches
         slow = loaded = least / v
@@ -120,9 +120,9 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
         }
 
     def both_ways(speed: float, turns: float) -> dict[str, Any]:
-        time = max(2.0, turns * 2 * math.pi / (v * speed))
-        made = profile((0, speed), (time, speed), (time + 0.4, -speed), (2 * time + 0.4, -speed))
-        return {**made, "initial_speed": f"{v * speed:.6g} rad/s"}
+        time = max(2.0, turns * TURN / (v * speed))
+        course = profile((0, speed), (time, speed), (time + 0.4, -speed), (2 * time + 0.4, -speed))
+        return {**course, "initial_speed": f"{v * speed:.6g} rad/s"}
 
     played = {
         "slow": both_ways(slow, 2),
@@ -137,9 +137,9 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
 
 def _rate(loop: float, wave: float) -> float:
     """The lowest rate of rows, Hz, that divides the current loop's and shows a wave, rad/s; or the loop's."""
-    needed = wave / (2 * math.pi * 0.9 * VISIBLE)
+    needed = wave / (TURN * 0.9 * WAVE_RATE_SHARE)
     return loop / max(
-        (n for n in range(1, round(loop / RATE) + 1) if not loop % n and loop / n > needed), default=1
+        (n for n in range(1, round(loop / LOG_RATE) + 1) if not loop % n and loop / n > needed), default=1
     )
 
 
@@ -157,7 +157,9 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     played, rate = scenarios(study, feedback)
     top = _top(played)
     motor = {key: value for key, value in source["motor"].items() if key != "datasheet"}
-    known = {key: value for key, value in motor.items() if key not in ("cogging", "flux_harmonics")}
+    motor_without_waves = {
+        key: value for key, value in motor.items() if key not in ("cogging", "flux_harmonics")
+    }
     controller = {feedback: source["controller"][feedback]}
     play = {
         "title": f"Commissioning: {study.title}",
@@ -170,8 +172,8 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
         "metric": metrics(played),
     }
     logs = [
-        {"file": name, "kind": KINDS[name], "controller": feedback, "reference": made["reference"]}
-        for name, made in play["scenario"].items()
+        {"file": name, "kind": SCENARIO_KINDS[name], "controller": feedback, "reference": keys["reference"]}
+        for name, keys in play["scenario"].items()
     ]
     identify = {
         "title": study.title,
@@ -183,7 +185,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             "i_q_ref": "i_q_ref",
             **({} if study.drive.ideal else {"i_d": "i_d", "u_q": "u_q"}),  # which an ideal loop has not
         },
-        "motor": known,
+        "motor": motor_without_waves,
         "drive": source["drive"],
         "controller": controller,
         "log": logs,
@@ -207,7 +209,7 @@ def lowered(study: AnyStudy) -> str:
     if study.drive.inverter is None or _top(played) < AT_LIMIT * most:
         return ""
     return (
-        f"The plan's speeds end at {most * RPM:.4g} rpm: beyond it {study.drive.inverter.bus_voltage:.4g} V "
+        f"The plan's speeds end at {most / RPM:.4g} rpm: beyond it {study.drive.inverter.bus_voltage:.4g} V "
         "do not drive the current that friction, cogging and turning around take."
     )
 
@@ -215,13 +217,13 @@ def lowered(study: AnyStudy) -> str:
 def write(study: AnyStudy, folder: Path) -> None:
     """Write study.toml and id.toml to a folder."""
     play, identify = tables(study)
-    for name, made in (("study", play), ("id", identify)):
-        (folder / f"{name}.toml").write_text(text(made), encoding="utf-8")
+    for name, table in (("study", play), ("id", identify)):
+        (folder / f"{name}.toml").write_text(text(table), encoding="utf-8")
 
 
 def _top(played: dict[str, Any]) -> float:
     """The highest speed of these scenarios, rad/s."""
-    speeds = (speed for made in played.values() for _, speed in made["reference"]["profile"])
+    speeds = (speed for keys in played.values() for _, speed in keys["reference"]["profile"])
     return max(abs(units.parse(speed, units.ANGULAR_SPEED)) for speed in speeds)
 
 

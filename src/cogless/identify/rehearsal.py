@@ -11,7 +11,7 @@ from typing import Any
 from cogless.identify import config
 from cogless.identify.command import lines, standing_out
 from cogless.identify.config import Identification
-from cogless.identify.estimate import Progress, estimate
+from cogless.identify.estimate import Progress, estimate_motor
 from cogless.identify.log import load_logs
 from cogless.identify.result import Estimate
 from cogless.results.trace import write_netcdf
@@ -27,47 +27,53 @@ def expected(folder: Path, progress: Progress, own_law: Mapping[str, Any] | None
     `own_law`: the drive's, as the controllers of a study; None or empty: the law of the plan is in the loop.
     """
     progress("simulating the logs", 0.0)
-    study, known = _under(own_law or {}, folder)
+    study, identification = _under(own_law or {}, folder)
     (results,) = rollout([study])
     with TemporaryDirectory() as place:
         logs = Path(place) / "traces.nc"
         write_netcdf(logs, results.runs)
-        made = estimate(known, load_logs([logs], known), progress)
-    sure = standing_out(made)
-    return [*lines(sure), *(f"! {line}" for line in (*missed(study, made), *sure.left_out))]
+        estimate = estimate_motor(identification, load_logs([logs], identification), progress)
+    sure = standing_out(estimate)
+    return [*lines(sure), *(f"! {line}" for line in (*missed(study, estimate), *sure.left_out))]
 
 
 def _under(own_law: Mapping[str, Any], folder: Path) -> tuple[Study, Identification]:
     """The plan's study, and the file of its logs, with this law in the loop."""
     paths = folder / "study.toml", folder / "id.toml"
-    played, known = read(paths[0]), read(paths[1])
+    played, log_file = read(paths[0]), read(paths[1])
     if own_law:
         (name,) = own_law
-        played["controller"] = known["controller"] = dict(own_law)
-        for rule in known["log"]:
+        played["controller"] = log_file["controller"] = dict(own_law)
+        for rule in log_file["log"]:
             rule["controller"] = name
     study = checked(Source(paths[0], played))
     assert isinstance(study, Study)  # A plan is one.
-    return study, config.from_tables(paths[1], known, list(own_law))
+    return study, config.from_tables(paths[1], log_file, list(own_law))
 
 
-def missed(study: Study, made: Estimate) -> list[str]:
+def missed(study: Study, estimate: Estimate) -> list[str]:
     """Sentences on the study's cogging that its own logs do not tell, or tell worse than not at all."""
-    found = {wave.order: made.K_t * cmath.rect(wave.size.value, wave.phase.value) for wave in made.cogging}
+    identified = {
+        wave.order: estimate.K_t * cmath.rect(wave.size.value, wave.phase.value) for wave in estimate.cogging
+    }
     waves = study.motor.star().cogging
     true = {one.order: cmath.rect(one.torque, one.phase) for one in waves if one.torque}
-    wrong = [order for order in found.keys() & true if abs(found[order] - true[order]) >= abs(true[order])]
-    without = [order for order in true if order not in found]
+    wrong = [
+        order
+        for order in identified.keys() & true
+        if abs(identified[order] - true[order]) >= abs(true[order])
+    ]
+    without = [order for order in true if order not in identified]
 
     def named(orders: Iterable[int]) -> str:
         return ", ".join(f"{n} ({1e3 * abs(true[n]):.3g} mN*m)" for n in sorted(orders))
 
-    said = []
+    sentences = []
     if wrong:
-        said.append(
+        sentences.append(
             f"The plan's logs would mislead: the study's cogging of order {named(wrong)} comes out worse "
             "than not at all, since the law does not hold the rotor at their speeds."
         )
     if without:
-        said.append(f"The plan's logs would not tell the study's cogging of order {named(without)}.")
-    return said
+        sentences.append(f"The plan's logs would not tell the study's cogging of order {named(without)}.")
+    return sentences

@@ -21,7 +21,7 @@ from cogless.identify import described
 from cogless.identify.advice import Advice, recording
 from cogless.identify.balance import Name
 from cogless.identify.estimate import Progress, at_delay
-from cogless.identify.lateness import NOTHING, Lateness, lateness
+from cogless.identify.lateness import NO_VALUE, Lateness, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
 from cogless.identify.voltage import Agreement
@@ -32,52 +32,52 @@ from cogless.study.base import Source
 from cogless.study.drive import Drive
 from cogless.study.reading import checked
 
-ROUNDS = 2
+REPLAY_ROUNDS = 2
 NO_LATENESS = Lateness(None)
-FINE = 10  # rows of a trace for each of its log, at most: the delay lies between the log's
-SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
+REPLAY_ROWS_MOST = 10  # rows of a trace for each row of its log: the delay lies between the log's
+TRACE_SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
 UNCORRECTED = "So the delay is known only to half a period of the law."
-OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
+RATE_DIFFERENCE = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
-def played(made: Estimate, progress: Callable[[float], None], dead_time: float = 0.0) -> dict[str, Trace]:
+def played(estimate: Estimate, progress: Callable[[float], None], dead_time: float = 0.0) -> dict[str, Trace]:
     """The simulated trace of each log that can be played, by its name, with its rows and some between them.
 
     `dead_time`: of the inverter, beyond what the file of columns says, s. StudyError: the study isn't valid,
     or a run failed.
     """
-    logs, tables = described.replayable(made), described.study(made)
+    logs, tables = described.replayable(estimate), described.study(estimate)
     if dead_time:
-        tables["drive"] = _with_dead_time(tables["drive"], made.known.drive, dead_time)
+        tables["drive"] = _with_dead_time(tables["drive"], estimate.identification.drive, dead_time)
     traces: dict[str, Trace] = {}
     for n, log in enumerate(logs):
         progress(n / len(logs))
-        rate = _rate(made, log)
+        rate = _rate(estimate, log)
         if rate is None:
             continue
         name = described.scenario_name(log)
         one = {**tables, "scenario": {name: tables["scenario"][name]}, "trace": {"rate": f"{rate!r} Hz"}}
         one["metric"] = []
-        study = checked(Source(Path(made.known.path), one))
+        study = checked(Source(Path(estimate.identification.path), one))
         assert isinstance(study, Study)
         (results,) = rollout([study], [f"*/{log.rule.controller or next(iter(study.controller))}"], jobs=1)
-        traces[log.name] = _kept(results.runs[0].trace)
+        traces[log.name] = _log_signals(results.runs[0].trace)
     return traces
 
 
 def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[str, Any]:
     """The drive's table with so much more dead time, s, that the controller does not know of."""
     assert drive.inverter is not None
-    made = {
+    changed_table = {
         **table,
         "inverter": {**table["inverter"], "dead_time": f"{drive.inverter.dead_time + more:.6g} s"},
     }
     if drive.dead_time_compensation is not None and drive.dead_time_compensation.time is None:
         believed = {"time": f"{drive.inverter.dead_time:.6g} s"}
-        made["dead_time_compensation"] = {**table["dead_time_compensation"], **believed}
-    return made
+        changed_table["dead_time_compensation"] = {**table["dead_time_compensation"], **believed}
+    return changed_table
 
 
 def _more(drive: Drive) -> float:
@@ -85,15 +85,15 @@ def _more(drive: Drive) -> float:
     return MORE_DEAD_TIME / drive.rates.current_loop
 
 
-def _likely(told: Value, drive: Drive) -> float:
+def _likely(dead_time: Value, drive: Drive) -> float:
     """The dead time to simulate with, s, beyond the file's: as told, where a drive can have it.
 
     What a dead time does to a current that changes sign is not in proportion to it.
     """
-    if drive.inverter is None or abs(told.value) <= 2 * told.error:
+    if drive.inverter is None or abs(dead_time.value) <= 2 * dead_time.error:
         return 0.0
-    whole = drive.inverter.dead_time + told.value
-    return told.value if 0 <= whole < LONGEST_DEAD_TIME / drive.rates.current_loop else 0.0
+    whole = drive.inverter.dead_time + dead_time.value
+    return dead_time.value if 0 <= whole < LONGEST_DEAD_TIME / drive.rates.current_loop else 0.0
 
 
 def _said_of_dead_time(more: Value, drive: Drive) -> str:
@@ -110,43 +110,49 @@ def _said_of_dead_time(more: Value, drive: Drive) -> str:
     )
 
 
-def _kept(trace: Trace) -> Trace:
+def _log_signals(trace: Trace) -> Trace:
     """The signals that a log has: sixteen whole traces would fill a gigabyte."""
-    names = tuple(name for name in SIGNALS if name in trace)
+    names = tuple(name for name in TRACE_SIGNALS if name in trace)
     units = dict(zip(trace.names, trace.units, strict=True))
     data = np.column_stack([trace[name] for name in names])
     return Trace(names, tuple(units.get(name, "") for name in names), data)
 
 
-def _rate(made: Estimate, log: Log) -> float | None:
+def _rate(estimate: Estimate, log: Log) -> float | None:
     """A rate of rows that divides the current loop's, a multiple of the log's; None if there is none."""
-    loop = made.known.drive.rates.current_loop
+    loop = estimate.identification.drive.rates.current_loop
     every = max(1, round(loop * log.dt))
-    if abs(loop / every * log.dt - 1) >= OFF:
+    if abs(loop / every * log.dt - 1) >= RATE_DIFFERENCE:
         return None
-    return loop / every * max(n for n in range(1, FINE + 1) if every % n == 0)
+    return loop / every * max(n for n in range(1, REPLAY_ROWS_MOST + 1) if every % n == 0)
 
 
-def _bandwidth(made: Estimate) -> float:
+def _bandwidth(estimate: Estimate) -> float:
     """Bandwidth of the drive's current loop, rad/s."""
-    star, drive = made.known.motor.star(), made.known.drive
+    star, drive = estimate.identification.motor.star(), estimate.identification.drive
     return float(drive.current_loop.gains(drive.belief.resolved(star))["kp_q"] / star.L_q)
 
 
-def _offset(made: Estimate) -> float:
+def _offset(estimate: Estimate) -> float:
     """What is added to the logged angle, rad."""
-    return 0.5 * made.known.step if made.known.angle_offset is None else made.known.angle_offset
+    return (
+        0.5 * estimate.identification.step
+        if estimate.identification.angle_offset is None
+        else estimate.identification.angle_offset
+    )
 
 
-def simulated_log(made: Estimate, log: Log, trace: Trace, late: float = 0.0) -> Log:
+def simulated_log(estimate: Estimate, log: Log, trace: Trace, late: float = 0.0) -> Log:
     """A trace as the drive would have logged it: currents by the measured angle, and so late, s."""
     step = max(1, round(log.dt / trace.period))
     time = trace.period * np.arange(len(trace))
-    turned = made.known.motor.pole_pairs * (np.unwrap(trace["theta_measured"]) - trace["theta_m"])
+    turned = estimate.identification.motor.pole_pairs * (
+        np.unwrap(trace["theta_measured"]) - trace["theta_m"]
+    )
     seen = (trace["i_d"] + 1j * trace["i_q"]) * np.exp(-1j * turned)
     currents = {"i_q": seen.imag, "i_d": seen.real}
     signals = {
-        "theta": np.unwrap(trace["theta_measured"])[::step] + _offset(made),
+        "theta": np.unwrap(trace["theta_measured"])[::step] + _offset(estimate),
         "omega": trace["omega_measured"][::step].copy(),  # else the whole trace stays in memory
     }
     for name, current in currents.items():
@@ -155,47 +161,47 @@ def simulated_log(made: Estimate, log: Log, trace: Trace, late: float = 0.0) -> 
     return Log(log.name, log.rule, step * trace.period, signals, (slice(0, len(signals["theta"])),))
 
 
-def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Trace]]:
+def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Trace]]:
     """The estimate with the delay that the described law tells, and the simulated traces.
 
     It stays as it is where a log of a controlled motor can't be played, or is not as under that law.
     """
-    controlled = {log.name for log in made.logs if log.dt and log.kind != "coast-down"}
-    first = made
-    if "j" not in made.values or made.fit is None or not controlled:
-        return made, {}
+    controlled = {log.name for log in estimate.logs if log.dt and log.kind != "coast-down"}
+    first = estimate
+    if "j" not in estimate.values or estimate.fit is None or not controlled:
+        return estimate, {}
     traces: dict[str, Trace] = {}
     with_dead_time: dict[str, Trace] = {}
-    drive, dead_time, late = made.known.drive, NOTHING, NO_LATENESS
-    for n in range(ROUNDS):
+    drive, dead_time, late = estimate.identification.drive, NO_VALUE, NO_LATENESS
+    for n in range(REPLAY_ROUNDS):
         own = _likely(dead_time, drive)
         traces, with_dead_time = {}, {}  # Else those of the round before stay in memory.
         try:
-            traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"), own)
+            traces = played(estimate, partial(progress, f"simulation {n + 1} of {REPLAY_ROUNDS}"), own)
             if drive.inverter is not None:
-                said = f"simulation {n + 1} of {ROUNDS} with more dead time"
-                with_dead_time = played(made, partial(progress, said), own + _more(drive))
+                stage = f"simulation {n + 1} of {REPLAY_ROUNDS} with more dead time"
+                with_dead_time = played(estimate, partial(progress, stage), own + _more(drive))
         except StudyError as error:
             return _with_remark(first, f"The logs could not be simulated ({error}). {UNCORRECTED}"), {}
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
             sentence = (
                 f"Not simulated: {without}. {UNCORRECTED} To be simulated, a log needs "
-                f"{made.known.replay_rule}, a current loop whose rate is a multiple of its rows' rate, and "
-                "no table on."
+                f"{estimate.identification.replay_rule}, a current loop whose rate is a multiple of its "
+                "rows' rate, and no table on."
             )
             if not traces:
                 return _with_remark(first, Agreement(sentence)), traces
-            others = [log.name for log in made.logs if log.name in traces or log.kind == "coast-down"]
+            others = [log.name for log in estimate.logs if log.name in traces or log.kind == "coast-down"]
             cure = Advice(
                 f"{sentence} Add what is missing, or leave the log out.", recording(logs=tuple(others))
             )
             return _with_remark(first, cure), traces
-        moving = [log for log in made.logs if log.dt]
+        moving = [log for log in estimate.logs if log.dt]
         late = lateness(
             moving,
             traces,
-            _bandwidth(made),
+            _bandwidth(estimate),
             1 / drive.rates.outer_loop,
             with_dead_time,
             first.values.get("delay"),
@@ -203,38 +209,38 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         if late.delay is None:
             break
         simulated = [
-            simulated_log(made, log, traces[log.name], late.delay.value) if log.name in traces else log
+            simulated_log(estimate, log, traces[log.name], late.delay.value) if log.name in traces else log
             for log in first.logs
         ]
-        made = at_delay(first, late.delay, simulated, _truth(made))
+        estimate = at_delay(first, late.delay, simulated, _truth(estimate))
         more = late.part.times(_more(drive))
         dead_time = replace(more, value=own + more.value)
-    said = late.said or _said_of_dead_time(dead_time, drive)
-    return (_with_remark(made, said) if said else made), traces
+    remark = late.remark or _said_of_dead_time(dead_time, drive)
+    return (_with_remark(estimate, remark) if remark else estimate), traces
 
 
-def _with_remark(made: Estimate, said: str) -> Estimate:
-    return replace(made, remarks=(*made.remarks, said))
+def _with_remark(estimate: Estimate, remark: str) -> Estimate:
+    return replace(estimate, remarks=(*estimate.remarks, remark))
 
 
-def _truth(made: Estimate) -> dict[Name, float]:
+def _truth(estimate: Estimate) -> dict[Name, float]:
     """Coefficients that the simulation has; it logs without delay, and has no offset of i_q.
 
     Those of what is left out of the motor are 0, and so is an error that its sensor can't have.
     """
     truth: dict[Name, float] = {(key,): 0.0 for key in ("b", "c", "delay", "offset")}
-    truth |= {(key,): made.values[key].value for key in ("j", "b", "c") if key in made.values}
-    truth |= {("load", name): value.value for name, value in made.loads.items()}
+    truth |= {(key,): estimate.values[key].value for key in ("j", "b", "c") if key in estimate.values}
+    truth |= {("load", name): value.value for name, value in estimate.loads.items()}
     searched = (
-        ("cogging", made.model.cogging),
-        ("ripple", made.model.ripple),
-        ("friction", made.model.friction),
-        ("encoder", made.model.encoder),
+        ("cogging", estimate.model.cogging),
+        ("ripple", estimate.model.ripple),
+        ("friction", estimate.model.friction),
+        ("encoder", estimate.model.encoder),
     )
     for kind, orders in searched:
         truth |= {(kind, order, part): 0.0 for order in orders for part in "cs"}
-    sensed = described.sensed(made)
-    for kind, waves in (("cogging", made.cogging), ("ripple", made.ripple), ("encoder", sensed)):
+    sensed = described.sensed(estimate)
+    for kind, waves in (("cogging", estimate.cogging), ("ripple", estimate.ripple), ("encoder", sensed)):
         for wave in waves:
             truth[kind, wave.order, "c"] = wave.size.value * float(np.sin(wave.phase.value))
             truth[kind, wave.order, "s"] = wave.size.value * float(np.cos(wave.phase.value))

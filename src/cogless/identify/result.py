@@ -40,7 +40,7 @@ class Estimate:
     currents, A, as they were taken out of i_q; None: no log tells them.
     """
 
-    known: Identification
+    identification: Identification
     logs: tuple[Log, ...]
     values: dict[str, Value]
     cogging: tuple[Wave, ...]
@@ -58,7 +58,7 @@ class Estimate:
     @property
     def K_t(self) -> float:
         """Torque constant that is taken as known, N*m/A."""
-        return self.known.motor.star().K_t
+        return self.identification.motor.star().K_t
 
 
 def wave_of(order: int, cosine: Value, sine: Value) -> Wave:

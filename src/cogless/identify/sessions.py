@@ -23,19 +23,19 @@ class Session:
     values: dict[str, Value]
 
 
-def sessions(made: Estimate) -> tuple[Session, ...]:
+def sessions(estimate: Estimate) -> tuple[Session, ...]:
     """The sessions that the file of columns names, where there are two or more."""
-    names = dict.fromkeys(log.rule.session for log in made.logs if log.rule.session is not None)
-    if len(names) < 2 or made.fit is None:
+    names = dict.fromkeys(log.rule.session for log in estimate.logs if log.rule.session is not None)
+    if len(names) < 2 or estimate.fit is None:
         return ()
-    fit = Equations([_by_session(rows) for rows in made.rows]).fit(made.instrument)
-    found = []
+    fit = Equations([_by_session(rows) for rows in estimate.rows]).fit(estimate.instrument)
+    fitted_sessions = []
     for name in names:
-        logs = tuple(log.name for log in made.logs if log.rule.session == name)
+        logs = tuple(log.name for log in estimate.logs if log.rule.session == name)
         keys = [key for key in SESSION_KEYS if (key, name) in fit]
         values = {key: Value(fit[key, name], fit.interval((key, name))) for key in keys}
-        found.append(Session(name, logs, values))
-    return tuple(found)
+        fitted_sessions.append(Session(name, logs, values))
+    return tuple(fitted_sessions)
 
 
 def _by_session(rows: Rows) -> Rows:
@@ -48,21 +48,21 @@ def _by_session(rows: Rows) -> Rows:
     return replace(rows, names=names)
 
 
-def sentences(found: tuple[Session, ...]) -> list[str]:
+def sentences(fitted_sessions: tuple[Session, ...]) -> list[str]:
     """What differs by more than its errors, a sentence each."""
-    said: list[str] = []
-    for key, about in (("c", "friction"), ("offset", "offset of i_q")):
-        own = {session.name: session.values[key] for session in found if key in session.values}
+    remarks: list[str] = []
+    for key, quantity in (("c", "friction"), ("offset", "offset of i_q")):
+        own = {session.name: session.values[key] for session in fitted_sessions if key in session.values}
         if len(own) < 2:
             continue
         low, high = min(own, key=lambda n: own[n].value), max(own, key=lambda n: own[n].value)
         if own[high].value - own[low].value > np.hypot(own[high].error, own[low].error):
             of = [f"{own[name].value:.3g} +- {own[name].error:.1g} A in {name}" for name in (low, high)]
-            said.append(
+            remarks.append(
                 Advice(
-                    f"Sessions differ: {about} {' and '.join(of)}; the result for all logs lies "
+                    f"Sessions differ: {quantity} {' and '.join(of)}; the result for all logs lies "
                     "between them; identify each session by itself, or warm the motor up first.",
                     *(recording(session=name) for name in (low, high)),
                 )
             )
-    return said
+    return remarks

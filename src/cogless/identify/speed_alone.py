@@ -7,37 +7,37 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from cogless.identify.advice import Advice, logs_of_kind, recording
-from cogless.identify.causes import FASTER, MECHANICS, Found, found_in, guess
+from cogless.identify.causes import MECHANICS, SPEED_RATIO_LEAST, OrderCauses, guess, order_causes
 from cogless.identify.steady import Steady
 from cogless.units import TURN
 
-STEEP = 0.5  # exponent of the speed, in magnitude, from which on it is a change
-ALIKE = 0.03  # of a frequency
-LARGE = 0.05  # of a ripple's square: smaller orders are in no sentence
+SPEED_EXPONENT = 0.5  # a ripple changes with the speed from this exponent of it on, in magnitude
+FREQUENCY_DIFFERENCE = 0.03  # relative: frequencies that differ by less are one
+LARGE_SHARE = 0.05  # share of a ripple's square: smaller orders are in no sentence
 
 
-def by_order(parts: Sequence[Steady], poles: int) -> list[Found]:
+def by_order(parts: Sequence[Steady], poles: int) -> list[OrderCauses]:
     """The orders of the speed in these parts, with what may make them."""
-    return [found_in(part, order, guess(part, order, poles)) for part in parts for order in part.orders]
+    return [order_causes(part, order, guess(part, order, poles)) for part in parts for order in part.orders]
 
 
-def sentences(found: Sequence[Found]) -> list[str]:
+def sentences(orders: Sequence[OrderCauses]) -> list[str]:
     """How orders change with speed, and frequencies that stay."""
-    of: dict[int, dict[float, float]] = defaultdict(dict)
-    for each in found:
-        if each.share > LARGE:
-            of[each.order][each.speed] = each.ripple
-    said = []
-    for order, sizes in sorted(of.items()):
+    sizes_by_order: dict[int, dict[float, float]] = defaultdict(dict)
+    for entry in orders:
+        if entry.share > LARGE_SHARE:
+            sizes_by_order[entry.order][entry.speed] = entry.ripple
+    remarks = []
+    for order, sizes in sorted(sizes_by_order.items()):
         slow, fast = min(sizes), max(sizes)
-        if fast < FASTER * slow:
+        if fast < SPEED_RATIO_LEAST * slow:
             continue
         power = math.log(sizes[fast] / sizes[slow]) / math.log(fast / slow)
         at = f"Order {order} {{0}} from {slow / TURN:.3g} to {fast / TURN:.3g} rev/s"
-        if power < -STEEP:
-            said.append(at.format("falls") + ": a torque makes it, not the encoder.")
-        elif power > STEEP:
-            said.append(
+        if power < -SPEED_EXPONENT:
+            remarks.append(at.format("falls") + ": a torque makes it, not the encoder.")
+        elif power > SPEED_EXPONENT:
+            remarks.append(
                 Advice(
                     at.format("grows")
                     + ": the encoder's error, or a torque that the controller holds down where it is slow; "
@@ -45,26 +45,26 @@ def sentences(found: Sequence[Found]) -> list[str]:
                     recording(signal="i_q"),
                 )
             )
-    return said + _fixed(found)
+    return remarks + _fixed(orders)
 
 
-def _fixed(found: Sequence[Found]) -> list[str]:
+def _fixed(orders: Sequence[OrderCauses]) -> list[str]:
     """A frequency at which different orders are large at different speeds: something swings, or orders meet.
 
     At two speeds any two orders may meet by chance; at a third they would not.
     """
-    large = sorted((each for each in found if each.share > LARGE), key=lambda each: each.speed)
-    best: list[Found] = []
+    large = sorted((entry for entry in orders if entry.share > LARGE_SHARE), key=lambda entry: entry.speed)
+    best: list[OrderCauses] = []
     for first in large:
         meet = [first]
-        for each in large:
-            apart = each.speed > FASTER * meet[-1].speed and each.order != meet[-1].order
-            if apart and abs(_hertz(each) / _hertz(first) - 1) < ALIKE:
-                meet.append(each)
+        for entry in large:
+            apart = entry.speed > SPEED_RATIO_LEAST * meet[-1].speed and entry.order != meet[-1].order
+            if apart and abs(_hertz(entry) / _hertz(first) - 1) < FREQUENCY_DIFFERENCE:
+                meet.append(entry)
         best = max(best, meet, key=len)
     if len(best) < 2:
         return []
-    at = [f"order {each.order} in {each.log}" for each in best]
+    at = [f"order {entry.order} in {entry.log}" for entry in best]
     says = f"{_hertz(best[0]):.3g} Hz is {', '.join(at[:-1])} and {at[-1]}: "
     if len(best) == 2:
         return [
@@ -78,6 +78,6 @@ def _fixed(found: Sequence[Found]) -> list[str]:
     return [f"{says}{MECHANICS}, which swing at this frequency, or the supply."]
 
 
-def _hertz(of: Found) -> float:
+def _hertz(entry: OrderCauses) -> float:
     """Frequency of an order at its speed."""
-    return of.order * of.speed / TURN
+    return entry.order * entry.speed / TURN

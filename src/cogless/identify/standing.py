@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.identify.files import Array
 from cogless.identify.kernel import white_noise
+from cogless.results.trace import Array
 
 CREEP_SHARE = 0.05  # share of a log's median speed
-SURE_DEVIATIONS = 3.0
-SURE_COUNTS = 2
+SURE_DEVIATIONS = 3.0  # of the noise, by which the angle of a rotor that stands changes at most
+SURE_COUNTS = 2  # of the sensor in a window, from which on a rotor surely turns
 
 
 def angle_noise(theta: Array, step: float) -> float:

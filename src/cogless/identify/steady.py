@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cogless.identify.files import Array
 from cogless.identify.kernel import shifted
 from cogless.identify.log import Log
 from cogless.identify.waves import Waves, standing_waves, waves_of_signal
+from cogless.results.trace import Array
 from cogless.units import TURN
 
-ALIKE = 0.1  # of the speed: what is within it is steady
-SMOOTHED = 0.2  # s
+SPEED_DEVIATION = 0.1  # relative: what is within it of a speed is steady
+SMOOTHING_TIME = 0.2  # s
 TURNS_LEAST = 1.0
 OVERLAP_LEAST = 0.5  # turns that are passed twice at the same speed
-REVERSAL = np.pi / 2  # rad by which a rotor turns back that turns around
+REVERSAL_ANGLE = np.pi / 2  # rad by which a rotor turns back that turns around
 ROWS_LEAST = 20
 
 
@@ -53,8 +53,10 @@ class Steady:
     @cached_property
     def waves(self) -> Waves:
         """Waves of the rotor's motion, by the corrected angle."""
-        shown = self.theta + sum((wave * np.exp(1j * n * self.theta)).real for n, wave in self.error.items())
-        return standing_waves(self.theta, self.log.dt, self.step, self.own_orders, shown)
+        measured = self.theta + sum(
+            (wave * np.exp(1j * n * self.theta)).real for n, wave in self.error.items()
+        )
+        return standing_waves(self.theta, self.log.dt, self.step, self.own_orders, measured)
 
     @property
     def orders(self) -> tuple[int, ...]:
@@ -127,7 +129,7 @@ def steady(
         if len(theta) < ROWS_LEAST:
             continue
         smooth = uniform_filter1d(
-            np.gradient(theta, log.dt), max(1, round(SMOOTHED / log.dt)), mode="nearest"
+            np.gradient(theta, log.dt), max(1, round(SMOOTHING_TIME / log.dt)), mode="nearest"
         )
         for sign in (1, -1):
             runs = [_slow_changes(smooth, sign)]
@@ -148,7 +150,7 @@ def _slow_changes(smooth: Array, sign: int) -> NDArray[np.intp]:
     if not turning.any():
         return np.zeros(0, dtype=np.intp)
     middle = float(np.median(smooth[turning]))
-    return _longest(np.abs(smooth - middle) < ALIKE * abs(middle))
+    return _longest(np.abs(smooth - middle) < SPEED_DEVIATION * abs(middle))
 
 
 def _one_way(theta: Array) -> Iterator[slice]:
@@ -156,7 +158,7 @@ def _one_way(theta: Array) -> Iterator[slice]:
     begin, sign = 0, 1 if theta[-1] >= theta[0] else -1
     while begin < len(theta) - 1:
         angle = sign * theta[begin:]
-        back = np.flatnonzero(np.maximum.accumulate(angle) - angle > REVERSAL)
+        back = np.flatnonzero(np.maximum.accumulate(angle) - angle > REVERSAL_ANGLE)
         end = begin + (int(np.argmax(angle[: back[0]])) if len(back) else len(angle) - 1)
         if end > begin:
             yield slice(begin, end + 1)
@@ -177,7 +179,7 @@ def _alike_a_turn_later(angle: Array, smooth: Array) -> NDArray[np.intp]:
     later = np.searchsorted(rising, rising[:pairs] + TURN).clip(max=len(angle) - 1)
     way = np.concatenate(([0.0], np.cumsum(smooth)))
     mean = (way[later] - way[:pairs]) / np.maximum(later - np.arange(pairs), 1)  # over the turn
-    run = _longest(np.abs(smooth[later] - smooth[:pairs]) < ALIKE * np.abs(mean))
+    run = _longest(np.abs(smooth[later] - smooth[:pairs]) < SPEED_DEVIATION * np.abs(mean))
     if len(run) < 2 or rising[run[-1]] - rising[run[0]] < TURN * OVERLAP_LEAST:
         return np.zeros(0, dtype=np.intp)
     return np.arange(run[0], later[run[-1]] + 1)

@@ -15,27 +15,27 @@ from scipy.stats import t as student
 
 from cogless.identify.advice import Advice, AdvisedError, recording
 from cogless.identify.config import Identification
-from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.identify.steady import Steady, steady
+from cogless.results.trace import Array
 from cogless.study.datasheet import mixed_up
 from cogless.units import TURN
 
-FEWEST = 4  # steady parts, for three unknowns
-RMS = math.sqrt(2)  # peak over rms
-WARMER = (RMS - 1) / 3.93e-3  # K, by which copper has so much more resistance
-RESOLVED = 0.1  # relative error of R, at most, that tells sqrt(2) from 1
-SPREAD = 2.0  # ratio of the fastest to the slowest, at least
+STEADY_PARTS_LEAST = 4  # steady parts, for three unknowns
+PEAK_OVER_RMS = math.sqrt(2)
+TEMPERATURE_RISE = (PEAK_OVER_RMS - 1) / 3.93e-3  # K, by which copper has sqrt(2) times the resistance
+R_ERROR_MOST = 0.1  # relative error of R, at most, that tells sqrt(2) from 1
+SPEED_SPREAD_LEAST = 2.0  # ratio of the fastest speed to the slowest, at least
 SOFT_SHARES = (0.1, 0.3)  # of the largest mean current: bands in which the bridge may lose less
 VOLTAGE_GAIN = 0.01  # relative error of an inverter's voltage
 UNDRIVEN = ("coast-down", "bridge-off")  # kinds of log without a voltage of the bridge
 MEAN_ROWS, PARTS_MOST, PARTS_LEAST = 20, 500, 40  # rows of a mean; means of a log
 UNLIKE_R = 3.0  # of R over that of the datasheet: warm copper, leads and what a bridge loses stay below it
-CONFUSED = 0.1  # relative difference of K_t that warm magnets and the voltage's own gain may make
+K_T_DIFFERENCE = 0.1  # relative difference of K_t that warm magnets and the voltage's own gain may make
 
 
-def told(identification: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
+def constants_from_voltage(identification: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
     """K_t, N*m/A, by the back-EMF of the steady parts of these logs, and R, ohm; None: they don't show it.
 
     The errors at 95 % have three parts: the residual of the fit, 1 % for the inverter's gain, and the change
@@ -44,7 +44,8 @@ def told(identification: Identification, logs: Sequence[Log]) -> tuple[Value, Va
     whole = [log for log in logs if log.dt and {"u_q", "i_q", "theta"} <= log.signals.keys()]
     parts = [part for log in whole for part in steady(log)]
     speeds = np.array([part.speed for part in parts])
-    if len(parts) < FEWEST or np.max(np.abs(speeds)) < SPREAD * np.min(np.abs(speeds)):
+    sizes = np.abs(speeds)
+    if len(parts) < STEADY_PARTS_LEAST or np.max(sizes) < SPEED_SPREAD_LEAST * np.min(sizes):
         return None
     currents = np.array([part.current for part in parts])
     voltages = np.array([np.mean(part.log["u_q"][part.rows]) for part in parts])
@@ -107,12 +108,13 @@ def require_units(identification: Identification, logs: Sequence[Log]) -> None:
         ]
         times = k_e / (star.pole_pairs * star.psi_f)
         apart = max(times, 1 / times) if times > 0 else 1.0
-        if apart > 1 + CONFUSED and k_e_error < CONFUSED * abs(k_e) and not mixed_up(apart, CONFUSED):
+        differs = apart > 1 + K_T_DIFFERENCE and k_e_error < K_T_DIFFERENCE * abs(k_e)
+        if differs and not mixed_up(apart, K_T_DIFFERENCE):
             for factor, says, scale, unit in motions:
-                if abs(times / factor - 1) < CONFUSED:
+                if abs(times / factor - 1) < K_T_DIFFERENCE:
                     raise AdvisedError(_of_motion(identification, log, times, says, scale, unit))
         times = r / star.R_s
-        if r_error < CONFUSED * abs(r):
+        if r_error < K_T_DIFFERENCE * abs(r):
             for factor, says, scale in ((1e3, "small", 1e3), (1e-3, "large", 1e-3)):
                 if 1 / UNLIKE_R < times / factor < UNLIKE_R:
                     raise AdvisedError(_of_current(identification, log, times, says, scale))
@@ -187,46 +189,49 @@ class Agreement(str):
 
 def check(identification: Identification, logs: Sequence[Log]) -> list[str]:
     """What the voltage says of the K_t that the file of columns gives, and of the current's unit by R."""
-    found = told(identification, logs)
-    return [] if found is None else [_of_k_t(identification, found[0]), *_of_r(identification, found[1])]
+    constants = constants_from_voltage(identification, logs)
+    if constants is None:
+        return []
+    k_t, resistance = constants
+    return [_of_k_t(identification, k_t), *_of_r(identification, resistance)]
 
 
-def _of_k_t(identification: Identification, told: Value) -> str:
-    given = identification.motor.star().K_t
-    says = f"The voltage says K_t = {told.value:.4g} +- {told.error:.2g} N*m/A"
-    if abs(told.value - given) <= told.error:
-        return Agreement(f"{says}, as {identification.described_in} has it ({given:.4g}).")
-    says += f"; {identification.described_in} has {given:.4g}"
-    if abs(told.value - given) <= CONFUSED * given + told.error:
+def _of_k_t(identification: Identification, measured: Value) -> str:
+    described = identification.motor.star().K_t
+    says = f"The voltage says K_t = {measured.value:.4g} +- {measured.error:.2g} N*m/A"
+    if abs(measured.value - described) <= measured.error:
+        return Agreement(f"{says}, as {identification.described_in} has it ({described:.4g}).")
+    says += f"; {identification.described_in} has {described:.4g}"
+    if abs(measured.value - described) <= K_T_DIFFERENCE * described + measured.error:
         return (
             f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, make as much, "
             "so it "
             "is open which is right; all torques are in proportion to it."
         )
-    if told.value <= 2 * told.error:
+    if measured.value <= 2 * measured.error:
         return f"{says}: the signs of u_q, of i_q and of the angle do not fit each other."
-    times = max(given / told.value, told.value / given)
-    mixed = mixed_up(times, told.error / told.value)
+    times = max(described / measured.value, measured.value / described)
+    mixed = mixed_up(times, measured.error / measured.value)
     return Advice(
         f"{says}{mixed}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is "
         "K_t_rms) or "
         "kv.",
-        {"motor.K_t": f"{told.value:.6g} N*m/A"},
+        {"motor.K_t": f"{measured.value:.6g} N*m/A"},
     )
 
 
-def _of_r(identification: Identification, told: Value) -> list[str]:
+def _of_r(identification: Identification, measured: Value) -> list[str]:
     """A current in rms amperes is 1/sqrt(2) of the one that the voltage drives through R."""
-    given = identification.motor.star().R_s
-    if told.error > RESOLVED * told.value or abs(told.value - RMS * given) > told.error:
+    described = identification.motor.star().R_s
+    away = abs(measured.value - PEAK_OVER_RMS * described)
+    if measured.error > R_ERROR_MOST * measured.value or away > measured.error:
         return []
     return [
         Advice(
-            f"The voltage says R = {told.value:.3g} +- {told.error:.2g} ohm, sqrt(2) times that of the file "
-            "of "
-            f"columns ({given:.3g}): i_q is in rms amperes, which makes all torques sqrt(2) too small, or "
-            "the winding "
-            f"is {WARMER:.0f} K warmer; record i_a and i_b, which tell it.",
+            f"The voltage says R = {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times that of "
+            f"the file of columns ({described:.3g}): i_q is in rms amperes, which makes all torques sqrt(2) "
+            "too small, or the winding "
+            f"is {TEMPERATURE_RISE:.0f} K warmer; record i_a and i_b, which tell it.",
             recording(signal="i_a"),
         )
     ]

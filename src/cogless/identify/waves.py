@@ -22,26 +22,25 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from cogless.identify.cogging_orders import FALSE_ALARM
-from cogless.identify.files import Array
+from cogless.results.trace import Array
 from cogless.units import TURN
 
-ORDERS_MOST = 1000  # highest order that is looked for
+MOTION_ORDER_HIGHEST = 1000  # highest order that is looked for
 WAVES_MOST = 60  # orders of one part
 ANGLE_CELLS = 8192  # of a turn, in which the residual is summed: an order has eight of them
 NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their power over the strongest's, which leaks by less
-NEIGHBOURS = 41  # orders whose median is the floor of one
-NEAR_ORDERS = (
-    5  # orders in which the steps of the angle are as strong as at one, since their speed is not known
-)
+FLOOR_ORDERS = 41  # neighbouring orders whose median is the floor of one
+# orders in which the steps of the angle are as strong as at one, since their speed is not known
+NEAR_ORDERS = 5
 STEPS_RATIO = 4.0  # power over that which they have, from which on it is an order
 STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and their size for noise beside them
-BLOCKS = 24  # parts of the rows, each left out for the errors
-RIDGE = 1e-9  # of the diagonal of scaled normal equations
-TAPERED = 0.25  # share of the rows, at both ends, that count less: a log may begin with a transient
+MOTION_BLOCKS = 24  # parts of the rows, each left out for the errors
+RIDGE_SHARE = 1e-9  # share of the diagonal of scaled normal equations that is added to it
+TAPER_SHARE = 0.25  # share of the rows, at both ends, that count less: a log may begin with a transient
 SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
 PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
 SMOOTH_ROWS = (5, 20)  # widths of filters that show the motion between the steps of the angle
-SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # of a spectrum
+SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # a spectrum is the mean over segments of the rows
 SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be seen
 
 
@@ -108,14 +107,15 @@ def waves_of_signal(x: Array, theta: Array, orders: Sequence[int]) -> dict[int, 
 class _Motion:
     """The speed between rows, and the normal equations of its waves for each block of rows."""
 
-    def __init__(self, theta: Array, dt: float, shown: Array) -> None:
-        self.theta, self.dt, self.shown = theta, dt, shown
+    def __init__(self, theta: Array, dt: float, measured: Array) -> None:
+        self.theta, self.dt, self.measured = theta, dt, measured
         self.y = np.diff(theta) / dt
-        self.weight = tukey(len(self.y), TAPERED)
+        self.weight = tukey(len(self.y), TAPER_SHARE)
         self.middle = 0.5 * (theta[1:] + theta[:-1])
         self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / TURN)
-        blocks = max(BLOCKS, len(self.y) // PIECE_ROWS) if len(self.y) >= 5 * BLOCKS else len(self.y) // 5
-        edges = np.linspace(0, len(self.y), blocks + 1).astype(int)
+        rows = len(self.y)
+        blocks = max(MOTION_BLOCKS, rows // PIECE_ROWS) if rows >= 5 * MOTION_BLOCKS else rows // 5
+        edges = np.linspace(0, rows, blocks + 1).astype(int)
         self.blocks = [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
     def columns(self, rows: slice, orders: Sequence[int]) -> Array:
@@ -146,28 +146,30 @@ class _Motion:
 def _solved(matrix: Array, vector: Array) -> Array:
     """Solutions of normal equations, one or a stack of them. A ridge keeps undetermined values small."""
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
-    scaled = matrix / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(matrix.shape[-1])
+    scaled = matrix / (scale[..., :, None] * scale[..., None, :]) + RIDGE_SHARE * np.eye(matrix.shape[-1])
     return np.asarray(np.linalg.solve(scaled, (vector / scale)[..., None])[..., 0] / scale)
 
 
 def standing_waves(
-    theta: Array, dt: float, step: float, own: Sequence[int] = (), shown: Array | None = None
+    theta: Array, dt: float, step: float, own: Sequence[int] = (), measured: Array | None = None
 ) -> Waves:
     """The waves that stand out of an angle's motion, at a false-alarm rate of 1 % for the whole search.
 
-    `shown`: the measured angle, which is `theta` with the sensor's error. `step`: of the measured angle, rad.
-    `own`: orders of the motor. The search also covers those above half the rows' rate that the rows do not
-    confuse with another order.
+    `measured`: the measured angle, which is `theta` with the sensor's error. `step`: of the measured angle,
+    rad. `own`: orders of the motor. The search also covers those above half the rows' rate that the rows do
+    not confuse with another order.
     """
     turns = abs(theta[-1] - theta[0]) / TURN
     speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
     a_turn = TURN / (abs(speed) * dt)  # rows
-    top = int(min(ORDERS_MOST, math.ceil(a_turn / 2) - 1))
+    top = int(min(MOTION_ORDER_HIGHEST, math.ceil(a_turn / 2) - 1))
     beyond = list(_apart_when_folded([n for n in own if top < n], a_turn, turns))
     candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
     if top < 3:
-        return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, frozenset())
-    search = _Search(_Motion(theta, dt, theta if shown is None else shown), candidates, top, step)
+        still = float(np.std(np.diff(theta) / dt))
+        return Waves(speed, {}, {}, vibration=still, half_rate=a_turn / 2, hidden=frozenset())
+    motion = _Motion(theta, dt, theta if measured is None else measured)
+    search = _Search(motion, candidates, top, step)
     orders = search.significant(search.grown([]))[0]
     sure = [n for n, wave in search.significant(orders)[1].items() if abs(wave) > step / np.pi]
     if len(sure) < len(orders):  # what is as small as a step is sought again, beside what is known by now
@@ -175,7 +177,7 @@ def standing_waves(
     orders, amplitude, error = search.significant(orders)
     rest = search.rest(orders)
     vibration = _vibration(rest, search.steps(rest), dt)
-    waves = Waves(speed, amplitude, error, vibration, a_turn / 2, frozenset())
+    waves = Waves(speed, amplitude, error, vibration=vibration, half_rate=a_turn / 2, hidden=frozenset())
     least = search.least(rest)[:top] * 2 / search.motion.weight.sum() ** 2  # square mean of a wave, (rad/s)^2
     hidden = np.flatnonzero(least > SEEN_SHARE * waves.ripple**2) + 1
     return replace(waves, hidden=frozenset(hidden.tolist()))
@@ -203,16 +205,16 @@ class _Search:
         """
         if not self.step:
             return np.zeros_like(rest)
-        beside = self.motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
-        smooth = self.motion.shown - beside + gaussian_filter1d(beside, width, mode="nearest")
-        away = smooth - self.motion.shown[0]
+        rest_angle = self.motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
+        smooth = self.motion.measured - rest_angle + gaussian_filter1d(rest_angle, width, mode="nearest")
+        away = smooth - self.motion.measured[0]
         return np.asarray(np.diff(np.round(away / self.step) * self.step - away) / self.motion.dt)
 
     def least(self, rest: Array) -> Array:
         """The power above which an order stands out of this rest's noise, at 1 % for the whole search."""
         power = self.motion.power(rest, self.candidates)
         floor = np.full(len(power), np.median(power[: self.top]))
-        floor[: self.top] = median_filter(power[: self.top], min(NEIGHBOURS, self.top), mode="mirror")
+        floor[: self.top] = median_filter(power[: self.top], min(FLOOR_ORDERS, self.top), mode="mirror")
         level = -math.log(FALSE_ALARM / len(power))
         return np.asarray(np.maximum(level * floor / math.log(2), self.sawtooth))
 
@@ -223,8 +225,8 @@ class _Search:
             rest = self.rest(orders)
             steps = [self.steps(rest, width) for width in SMOOTH_ROWS]
             power = self.motion.power(rest, self.candidates)
-            without = [self.motion.power(rest - each, self.candidates) for each in steps]
-            near = np.max([self.motion.power(each, self.candidates) for each in steps], axis=0)
+            without = [self.motion.power(rest - step_speed, self.candidates) for step_speed in steps]
+            near = np.max([self.motion.power(step_speed, self.candidates) for step_speed in steps], axis=0)
             least = np.maximum(self.least(rest), STEPS_RATIO * maximum_filter1d(near, NEAR_ORDERS))
             clear = np.min([power, *without], axis=0) > least
             strongest = [k for k in np.argsort(-power) if clear[k] and self.candidates[k] not in orders]
@@ -263,11 +265,11 @@ class _Search:
 
 def _apart_when_folded(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
     """The orders that a log with `rows` rows a turn shows apart from each other and from whole orders."""
-    shown = [folded(n, rows) for n in orders]
+    folds = [folded(n, rows) for n in orders]
     for k, n in enumerate(orders):
-        others = [fold for other, fold in enumerate(shown) if other != k]
-        apart = min((abs(shown[k] - fold) for fold in (round(shown[k]), *others)), default=1.0)
-        if apart * turns > 1 and n <= ORDERS_MOST:
+        others = [fold for other, fold in enumerate(folds) if other != k]
+        apart = min((abs(folds[k] - fold) for fold in (round(folds[k]), *others)), default=1.0)
+        if apart * turns > 1 and n <= MOTION_ORDER_HIGHEST:
             yield n
 
 
@@ -279,7 +281,7 @@ def _sawtooth(orders: NDArray[np.intp], rows: float, turns: float, step: float) 
     """
     waves = np.zeros(len(orders))
     for k in range(1, STEP_WAVES + 1) if step else ():
-        near = np.abs(orders - folded(k * 2 * np.pi / step, rows)) < 1 + 1 / turns
+        near = np.abs(orders - folded(k * TURN / step, rows)) < 1 + 1 / turns
         waves[near] = np.maximum(waves[near], SAWTOOTH_MARGIN * step / (np.pi * k))
     return (orders * waves) ** 2
 

@@ -17,11 +17,10 @@ from cogless.maps.learned_map import motor_identity
 from cogless.maps.stored_map import StoredMap, to_csv
 from cogless.study.messages import toml
 from cogless.study.motor import Motor
-from cogless.units import TURN
+from cogless.units import DEGREE, TURN
 
-CELLS, POINTS = 1024, 8  # of the table, at least; for each wave of the highest order
-CURRENT = 1  # code of the map's unit
-NAMES = {
+TABLE_CELLS_LEAST, CELLS_A_WAVE = 1024, 8  # cells of a turn, and of a wave of the highest order
+VALUE_NAMES = {
     "j": ("inertia over K_t", "A*s^2/rad", "inertia", "kg*m^2"),
     "c": ("Coulomb friction over K_t", "A", "coulomb_friction", "N*m"),
     "c_hold": ("friction at rest over K_t", "A", "", "N*m"),
@@ -31,24 +30,24 @@ NAMES = {
 }
 
 
-def write_all(made: Estimate, folder: Path) -> None:
+def write_all(estimate: Estimate, folder: Path) -> None:
     """Write motor.toml, identified.json, and what the logs tell of study.toml, cogging.csv, cogging.bin."""
     (folder / "identified.json").write_text(
-        json.dumps(to_dict(made), indent=2, ensure_ascii=False) + "\n", "utf-8"
+        json.dumps(to_dict(estimate), indent=2, ensure_ascii=False) + "\n", "utf-8"
     )
-    (folder / "motor.toml").write_text(_motor(made), "utf-8")
-    if "j" in made.values:
-        (folder / "study.toml").write_text(_study(made), "utf-8")
-    if made.cogging:
-        table = compensation(made)
+    (folder / "motor.toml").write_text(_motor(estimate), "utf-8")
+    if "j" in estimate.values:
+        (folder / "study.toml").write_text(_study(estimate), "utf-8")
+    if estimate.cogging:
+        table = compensation(estimate)
         (folder / "cogging.csv").write_text(to_csv(table), "utf-8")
         stored_map.write(folder / "cogging.bin", bytes(table))
 
 
-def to_dict(made: Estimate) -> dict[str, Any]:
+def to_dict(estimate: Estimate) -> dict[str, Any]:
     """All values with their errors at 95 %, SI, and every sentence."""
 
-    def waves(found: Sequence[Wave], factor: float, unit: str) -> list[dict[str, Any]]:
+    def waves(identified: Sequence[Wave], factor: float, unit: str) -> list[dict[str, Any]]:
         return [
             {
                 "order": wave.order,
@@ -57,23 +56,28 @@ def to_dict(made: Estimate) -> dict[str, Any]:
                 "phase_rad": wave.phase.value,
                 "phase_error": wave.phase.error,
             }
-            for wave in found
+            for wave in identified
         ]
 
     return {
-        "K_t_N_m_per_A": made.K_t,
+        "K_t_N_m_per_A": estimate.K_t,
         "values": {
-            key: {"about": NAMES[key][0], "unit": NAMES[key][1], "value": value.value, "error": value.error}
-            for key, value in made.values.items()
+            key: {
+                "about": VALUE_NAMES[key][0],
+                "unit": VALUE_NAMES[key][1],
+                "value": value.value,
+                "error": value.error,
+            }
+            for key, value in estimate.values.items()
         },
-        "cogging": waves(made.cogging, made.K_t, "_N_m"),
-        "torque_constant_ripple": waves(made.ripple, 1.0, ""),
-        "encoder": waves(made.encoder, 1.0, "_rad"),
+        "cogging": waves(estimate.cogging, estimate.K_t, "_N_m"),
+        "torque_constant_ripple": waves(estimate.ripple, 1.0, ""),
+        "encoder": waves(estimate.encoder, 1.0, "_rad"),
         "loads_N_m": {
-            name: {"value": value.value * made.K_t, "error": value.error * made.K_t}
-            for name, value in made.loads.items()
+            name: {"value": value.value * estimate.K_t, "error": value.error * estimate.K_t}
+            for name, value in estimate.loads.items()
         },
-        "logs": [log.name for log in made.logs],
+        "logs": [log.name for log in estimate.logs],
         "sessions": {
             session.name: {
                 "logs": list(session.logs),
@@ -82,30 +86,32 @@ def to_dict(made: Estimate) -> dict[str, Any]:
                     for key, value in session.values.items()
                 },
             }
-            for session in sessions(made)
+            for session in sessions(estimate)
         },
-        "remarks": list(made.remarks),
-        "left_out": list(made.left_out),
+        "remarks": list(estimate.remarks),
+        "left_out": list(estimate.left_out),
     }
 
 
-def compensation(made: Estimate) -> StoredMap:
+def compensation(estimate: Estimate) -> StoredMap:
     """The current that cancels the cogging, over the mechanical angle."""
-    cells = max(CELLS, POINTS * max(wave.order for wave in made.cogging))
+    cells = max(TABLE_CELLS_LEAST, CELLS_A_WAVE * max(wave.order for wave in estimate.cogging))
     angle = TURN / cells * np.arange(cells)
-    current = -sum(wave.size.value * np.sin(wave.order * angle + wave.phase.value) for wave in made.cogging)
+    current = -sum(
+        wave.size.value * np.sin(wave.order * angle + wave.phase.value) for wave in estimate.cogging
+    )
     limit = float(np.max(np.abs(current)))
-    motor = Motor.model_validate(described.motor(made))
+    motor = Motor.model_validate(described.motor(estimate))
     return StoredMap(
         values=np.asarray(current, dtype=np.float32),
-        units=(CURRENT,),
+        units=(stored_map.CURRENT_CODE,),
         limits=(float(np.nextafter(np.float32(limit), np.float32(np.inf))),),
         law=stored_map.LAWS.index("anti-cogging"),
         motor=motor_identity(motor.star()),
     )
 
 
-def shown(value: Value, unit: str = "") -> str:
+def value_text(value: Value, unit: str = "") -> str:
     """A value with its error at 95 %, as text: digits as far as the error has two."""
     if value.error <= 0 or not np.isfinite(value.error):
         return f"{value.value:.4g} {unit}".rstrip()
@@ -113,33 +119,33 @@ def shown(value: Value, unit: str = "") -> str:
     return f"{value.value:.{digits}g} +- {value.error:.2g} {unit}".rstrip()
 
 
-def _said(made: Estimate) -> list[str]:
-    return [f"# {line}" for line in (*made.left_out, *made.remarks)]
+def _sentence_lines(estimate: Estimate) -> list[str]:
+    return [f"# {line}" for line in (*estimate.left_out, *estimate.remarks)]
 
 
-def _head(made: Estimate) -> list[str]:
+def _head(estimate: Estimate) -> list[str]:
     return [
-        f"# By cogless identify, from {', '.join(log.name for log in made.logs)}.",
+        f"# By cogless identify, from {', '.join(log.name for log in estimate.logs)}.",
         "# +-: error at 95 %. Torques follow from currents by the K_t below, which is taken as exact.",
-        *_said(made),
+        *_sentence_lines(estimate),
     ]
 
 
-def _wave_lines(made: Estimate) -> list[str]:
+def _wave_lines(estimate: Estimate) -> list[str]:
     return [
-        f"# cogging, order {wave.order}: {shown(wave.size.times(1e3 * made.K_t), 'mN*m')}, "
-        f"phase {shown(wave.phase.times(180 / np.pi), 'deg')}"
-        for wave in made.cogging
+        f"# cogging, order {wave.order}: {value_text(wave.size.times(1e3 * estimate.K_t), 'mN*m')}, "
+        f"phase {value_text(wave.phase.times(1 / DEGREE), 'deg')}"
+        for wave in estimate.cogging
     ] + [
-        f"# K_t ripple, order {wave.order}: {shown(wave.size.times(100), '%')}, "
-        f"phase {shown(wave.phase.times(180 / np.pi), 'deg')}"
-        for wave in made.ripple
+        f"# K_t ripple, order {wave.order}: {value_text(wave.size.times(100), '%')}, "
+        f"phase {value_text(wave.phase.times(1 / DEGREE), 'deg')}"
+        for wave in estimate.ripple
     ]
 
 
-def _motor(made: Estimate) -> str:
-    table = described.motor(made)
-    lines = [*_head(made), *_wave_lines(made)]
+def _motor(estimate: Estimate) -> str:
+    table = described.motor(estimate)
+    lines = [*_head(estimate), *_wave_lines(estimate)]
     for key, value in table.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
             lines += [f"{key} = [", *(f"  {toml(item)}," for item in value), "]"]
@@ -148,18 +154,20 @@ def _motor(made: Estimate) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _study(made: Estimate) -> str:
-    tables = described.study(made)
+def _study(estimate: Estimate) -> str:
+    tables = described.study(estimate)
     tables["motor"] = {"datasheet": "motor.toml"}
     notes = [
-        f"# {about}: {shown(made.values[key], unit)}"
-        + (f"; {name} {shown(made.values[key].times(made.K_t), torque)}" if name else "")
-        for key, (about, unit, name, torque) in NAMES.items()
-        if key in made.values
+        f"# {description}: {value_text(estimate.values[key], unit)}"
+        + (f"; {name} {value_text(estimate.values[key].times(estimate.K_t), torque)}" if name else "")
+        for key, (description, unit, name, torque) in VALUE_NAMES.items()
+        if key in estimate.values
     ]
-    notes += [f"# load of {name}: {shown(v.times(made.K_t), 'N*m')}" for name, v in made.loads.items()]
     notes += [
-        f"# encoder's error, order {wave.order}: {shown(wave.size.times(180 / np.pi), 'deg')}"
-        for wave in made.encoder
+        f"# load of {name}: {value_text(v.times(estimate.K_t), 'N*m')}" for name, v in estimate.loads.items()
     ]
-    return "\n".join([*_head(made), *notes, "", plan.text(tables)])
+    notes += [
+        f"# encoder's error, order {wave.order}: {value_text(wave.size.times(1 / DEGREE), 'deg')}"
+        for wave in estimate.encoder
+    ]
+    return "\n".join([*_head(estimate), *notes, "", plan.text(tables)])

@@ -7,7 +7,7 @@ from cogless.errors import StudyError
 from cogless.files import replacing
 from cogless.live import engine, live_page
 from cogless.live.candidates import PAGE_KEYS
-from cogless.live.description import held, left_out
+from cogless.live.description import left_out, page_runs
 from cogless.live.live_page import NO_LIMITS
 from cogless.study import AnyStudy
 
@@ -16,17 +16,19 @@ __all__ = ["check", "left_out", "render", "write"]
 
 def check(study: AnyStudy) -> None:
     """Raise StudyError if a page can hold no law of the study, or if no WebAssembly engine is installed."""
-    if not held(study):
+    if not page_runs(study):
         raise StudyError(
             f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"
         )
     engine.module(study.precision)
 
 
-def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS) -> str:
+def render(
+    study: AnyStudy, command: str, for_own_motor: bool = False, limits: Mapping[str, str] = NO_LIMITS
+) -> str:
     """The page as one HTML text. `command`: the one that runs the study.
 
-    `told`: the page is for one's own motor. Its values change in the study, and its controllers with
+    `for_own_motor`: the page is for one's own motor. Its values change in the study, and its controllers with
     them.
     `limits`: by scenario, what limits its best run; the page shows it until a value is changed.
 
@@ -34,13 +36,17 @@ def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[st
     """
     check(study)
     study, pins = PAGE_KEYS[study.kind].pinned(study)
-    return live_page.render(study, command, told, limits, pins)
+    return live_page.render(study, command, for_own_motor, limits, pins)
 
 
 def write(
-    study: AnyStudy, path: Path, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS
+    study: AnyStudy,
+    path: Path,
+    command: str,
+    for_own_motor: bool = False,
+    limits: Mapping[str, str] = NO_LIMITS,
 ) -> None:
     """Write the page; if this fails, no incomplete file is left. StudyError as in `check`."""
-    text = render(study, command, told, limits)
+    text = render(study, command, for_own_motor, limits)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_args, get_origin
 
 from cogless import units
 from cogless.design.trials.from_study import design_study, retuned, uncertain_plant
-from cogless.live.description import blobs, held, why_not
+from cogless.live.description import blobs, page_runs, why_not
 from cogless.report.phases import groups, phases
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
@@ -61,7 +61,7 @@ class Candidate:
         """The runs that the key can change."""
         return [
             (scenario, controller)
-            for scenario, controller in held(study)
+            for scenario, controller in page_runs(study)
             if (self.elsewhere or self.scenario in (None, scenario)) and self.controller in (None, controller)
         ]
 
@@ -162,26 +162,28 @@ FIELD_WIDTH = 100.0  # a field takes this many times the slider's ends
 POLE_PAIRS_MOST, ORDER_MOST = 40.0, 400.0  # the highest order
 
 
-def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
+def candidates(study: Study, for_own_motor: bool = False) -> Iterator[Candidate]:
     """The keys that a page might change, in order of precedence; keys.py finds where each lands.
 
-    `told`: the motor's values change in the study itself, so the controller is designed for them. Else an
-    override of the scenario changes them, and the controller does not know.
+    `for_own_motor`: the motor's values change in the study itself, so the controller is designed for them.
+    Else an override of the scenario changes them, and the controller does not know.
     """
-    if told:
+    if for_own_motor:
         yield from of_motor(study)
     yield from _of_limit(study)
-    for name in dict.fromkeys(controller for _, controller in held(study)):
+    for name in dict.fromkeys(controller for _, controller in page_runs(study)):
         yield from _of_controller(study, name)
-    for scenario in dict.fromkeys(scenario for scenario, _ in held(study)):
-        yield from _of_scenario(study, scenario, told)
+    for scenario in dict.fromkeys(scenario for scenario, _ in page_runs(study)):
+        yield from _of_scenario(study, scenario, for_own_motor)
 
 
 def _of_limit(study: Study) -> Iterator[Candidate]:
     """The current limit, of which the controller is told: one for all scenarios."""
     owner, last, value = looked_up(study, study.source.tables, CURRENT_LIMIT)
     if value is not None and owner is not None:
-        yield from made(CURRENT_LIMIT, CURRENT_LIMIT, "Load and motion", owner, last, value, (0.2, 2.0))
+        yield from key_candidate(
+            CURRENT_LIMIT, CURRENT_LIMIT, "Load and motion", owner, last, value, (0.2, 2.0)
+        )
 
 
 def of_motor(study: Study) -> Iterator[Candidate]:
@@ -193,7 +195,7 @@ def of_motor(study: Study) -> Iterator[Candidate]:
         span = {"pole_pairs": (1.0, POLE_PAIRS_MOST, ""), "order": (1.0, ORDER_MOST, "")}.get(
             str(last), (0.3, 3.0)
         )
-        yield from made(key, key.partition(".")[2], YOURS, owner, last, value, span)
+        yield from key_candidate(key, key.partition(".")[2], YOURS, owner, last, value, span)
 
 
 def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
@@ -201,7 +203,7 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
     for key, value in table.items():
         where = f"controller.{quoted(name)}.{key}"
         if key == "tuning" and "phase_margin" in value:
-            yield from made(
+            yield from key_candidate(
                 f"{where}.phase_margin",
                 "tuning.phase_margin",
                 name,
@@ -212,11 +214,13 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
                 controller=name,
             )
         elif key not in NO_GAINS and isinstance(value, int | float | str) and not isinstance(value, bool):
-            yield from made(where, key, name, law, key, value, (0.0, 3.0), controller=name)
+            yield from key_candidate(where, key, name, law, key, value, (0.0, 3.0), controller=name)
     if law.learns and "learning_start" not in table and hasattr(law, "learning_start"):
         key = f"controller.{quoted(name)}.learning_start"
-        longest = max(study.scenario[scenario].duration for scenario, other in held(study) if other == name)
-        yield from made(
+        longest = max(
+            study.scenario[scenario].duration for scenario, other in page_runs(study) if other == name
+        )
+        yield from key_candidate(
             key,
             "learning_start",
             name,
@@ -228,11 +232,11 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
         )
 
 
-def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]:
+def _of_scenario(study: Study, scenario: str, for_own_motor: bool) -> Iterator[Candidate]:
     own_study, where = for_scenario(study, scenario), f"scenario.{quoted(scenario)}"
     tables = own_study._source.tables
     own, experiment = tables["scenario"][scenario], own_study.scenario[scenario]
-    yield from made(
+    yield from key_candidate(
         f"{where}.duration",
         "duration",
         "Load and motion",
@@ -244,7 +248,7 @@ def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]
     )
     reference = own["reference"]
     if isinstance(reference, str):
-        yield from made(
+        yield from key_candidate(
             f"{where}.reference",
             "reference",
             "Load and motion",
@@ -257,7 +261,7 @@ def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]
     elif isinstance(reference, dict):
         for key, low, high in OF_REFERENCE:
             if key in reference:
-                yield from made(
+                yield from key_candidate(
                     f"{where}.reference.{key}",
                     f"reference.{key}",
                     "Load and motion",
@@ -273,7 +277,7 @@ def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]
         load_value = load or tables["mechanics"].get("load", "0 N*m")
         if isinstance(load_value, str):
             reach = float(f"{full:.2g}") / (units.factor(units.unit_of(load_value), units.TORQUE) or 1)
-            yield from made(
+            yield from key_candidate(
                 f"{where}.load",
                 "load",
                 "Load and motion",
@@ -285,10 +289,10 @@ def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]
             )
     for group, key, low, high in PLANT:
         owner, last, value = looked_up(own_study, tables, key)
-        if told and (key.startswith("motor.") or key in MOTOR):
+        if for_own_motor and (key.startswith("motor.") or key in MOTOR):
             continue
         if value is not None and owner is not None:
-            yield from made(
+            yield from key_candidate(
                 _overriding(where, own, key),
                 key,
                 group,
@@ -324,7 +328,7 @@ def looked_up(study_here: AnyStudy, tables: Any, key: str) -> tuple[Any, str | i
     return owner, parts[-1] if isinstance(parts[-1], str) else str(parts[-2]), tables
 
 
-def made(
+def key_candidate(
     key: str,
     label: str,
     group: str,
@@ -395,13 +399,13 @@ def _quantities(info: Any) -> Iterator[Quantity]:
     """Quantities within a field's annotation, the outermost first."""
     yield from (entry for entry in info.metadata if isinstance(entry, Quantity))
 
-    def within(annotation: Any) -> Iterator[Quantity]:
+    def quantities_in(annotation: Any) -> Iterator[Quantity]:
         if get_origin(annotation) is Annotated:
             yield from (entry for entry in annotation.__metadata__ if isinstance(entry, Quantity))
         for inner in get_args(annotation):
-            yield from within(inner)
+            yield from quantities_in(inner)
 
-    yield from within(info.annotation)
+    yield from quantities_in(info.annotation)
 
 
 def quoted(name: str) -> str:
@@ -417,16 +421,16 @@ WEIGHT_SHARES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0)  # of the study's value: each is
 
 def trial_candidates(study: TrialStudy) -> Iterator[Candidate]:
     """The keys that a page might change, those of controllers first; keys.py finds where each lands."""
-    for name in dict.fromkeys(controller for _, controller in held(study)):
+    for name in dict.fromkeys(controller for _, controller in page_runs(study)):
         yield from _of_trial_controller(study, name)
     yield from _weight(study)
-    for scenario in dict.fromkeys(scenario for scenario, _ in held(study)):
+    for scenario in dict.fromkeys(scenario for scenario, _ in page_runs(study)):
         yield from _of_trial_scenario(study, scenario)
     for group, key, low, high in PLANT:
         if key.startswith("drive."):
             owner, last, value = looked_up(study, study.source.tables, key)
             if owner is not None and value is not None:
-                yield from made(key, key, group, owner, last, value, (low, high))
+                yield from key_candidate(key, key, group, owner, last, value, (low, high))
 
 
 def pinned(study: TrialStudy) -> tuple[TrialStudy, Changes]:
@@ -436,8 +440,8 @@ def pinned(study: TrialStudy) -> tuple[TrialStudy, Changes]:
     controller for which this would change a bit stays as it is.
     """
     pins: dict[str, Any] = {}
-    for name in dict.fromkeys(controller for _, controller in held(study)):
-        run = next(pair for pair in held(study) if pair[1] == name)
+    for name in dict.fromkeys(controller for _, controller in page_runs(study)):
+        run = next(pair for pair in page_runs(study) if pair[1] == name)
         own = _chosen(study, run)
         if own and _same_law(study, changed(study, own), run):
             pins |= own
@@ -489,34 +493,36 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
     if isinstance(law, ObserverIlc):
         for key, value, ends in (("cutoff", _hertz(law.cutoff), (0.3, 2.0)), ("pole", law.pole, (0.3, 2.0))):
             if value is not None:
-                yield from made(f"{where}.{key}", key, name, law, key, value, ends, controller=name)
+                yield from key_candidate(f"{where}.{key}", key, name, law, key, value, ends, controller=name)
         return
     if not isinstance(law, FilteredLaw):
         return
-    run = next(pair for pair in held(study) if pair[1] == name)
+    run = next(pair for pair in page_runs(study) if pair[1] == name)
     gain = law.TRIAL_GAIN
     has_gain, K_3 = getattr(law, gain) is not None, retuned(study, run, study).K_3
     # Of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part.
     chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
     if K_3 and not chosen:
-        yield from made(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
+        yield from key_candidate(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
     q = law.q_filter
     stays = f" ({gain} stays)" if has_gain else ""
     if isinstance(q, QFilter) and (has_gain or q.acts_on == "error"):
         own = study.source.tables["controller"][name]["q_filter"]
         key, label = f"{where}.q_filter.cutoff", "q_filter.cutoff" + stays * (q.acts_on == "signal")
-        yield from made(key, label, name, q, "cutoff", own["cutoff"], (0.3, 2.0), controller=name)
+        yield from key_candidate(key, label, name, q, "cutoff", own["cutoff"], (0.3, 2.0), controller=name)
     if has_gain and isinstance(law, TrialIlc) and isinstance(law.shift, int):
         least = uncertain_plant(study).relative_degree
         span = (float(least), float(max(4 * law.shift, SHIFT_MOST)), "")
-        yield from made(
+        yield from key_candidate(
             f"{where}.shift", f"shift{stays}", name, law, "shift", law.shift, span, controller=name
         )
 
 
 def _weight(study: TrialStudy) -> Iterator[Candidate]:
     """The weight of the input, with the learning gains as they are: only its ratio to the states' counts."""
-    laws = [study.controller[name] for name in dict.fromkeys(controller for _, controller in held(study))]
+    laws = [
+        study.controller[name] for name in dict.fromkeys(controller for _, controller in page_runs(study))
+    ]
     designed = [
         law for law in laws if isinstance(law, FilteredLaw) and not law.model_dump().get(law.FEEDBACK)
     ]
@@ -526,7 +532,7 @@ def _weight(study: TrialStudy) -> Iterator[Candidate]:
     weight = study.design.input_weight
     stops = tuple(sorted({weight, *(float(f"{weight * share:.3g}") for share in WEIGHT_SHARES)}))
     key = "design.input_weight"
-    for candidate in made(key, WEIGHT, OF_TRIALS, study.design, "input_weight", weight, (0.1, 10.0)):
+    for candidate in key_candidate(key, WEIGHT, OF_TRIALS, study.design, "input_weight", weight, (0.1, 10.0)):
         low, high = stops[0], stops[-1]
         yield replace(candidate, stops=stops, low=low, high=high, least=low, most=high)
 
@@ -536,7 +542,7 @@ def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:
     experiment = study.scenario[scenario]
     fewest = float(max(experiment.starts))
     ends = (fewest, 2.0 * experiment.trials, "")
-    yield from made(
+    yield from key_candidate(
         f"{where}.trials", "trials", OF_TRIALS, experiment, "trials", own["trials"], ends, scenario
     )
     yield from _of_phase(study, scenario, where, own, "")
@@ -551,7 +557,7 @@ def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:
     if study.plant is not None:
         for name, parameter in study.plant.parameter.items():
             value = overridden.get(name, parameter.nominal)
-            yield from made(
+            yield from key_candidate(
                 f"{where}.override.{quoted(name)}",
                 name,
                 "Plant",
@@ -571,7 +577,7 @@ def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:
             and value is not None
         ):
             value = overridden.get(key, value)
-            yield from made(
+            yield from key_candidate(
                 f'{where}.override."{key}"', key, group, owner, last, value, (low, high), scenario
             )
 
@@ -590,7 +596,9 @@ def _of_phase(
     experiment = study.scenario[scenario]
     for n, (_, load) in enumerate(own.get("load_steps", ())):
         key = f"{where}.load_steps.{n}.1"
-        yield from made(key, f"load{when}", OF_TRIALS, experiment, "load_steps", load, (0.0, 2.0), scenario)
+        yield from key_candidate(
+            key, f"load{when}", OF_TRIALS, experiment, "load_steps", load, (0.0, 2.0), scenario
+        )
     if not when:
         return
     for key, value in own.get("override", {}).items():
@@ -602,7 +610,9 @@ def _of_phase(
             owner, last, _ = looked_up(study, study.source.tables, key)
         if owner is not None:
             path = f'{where}.override."{key}"' if "." in key else f"{where}.override.{key}"
-            yield from made(path, f"{key}{when}", OF_TRIALS, owner, last, value, (0.5, 2.0), scenario)
+            yield from key_candidate(
+                path, f"{key}{when}", OF_TRIALS, owner, last, value, (0.5, 2.0), scenario
+            )
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,10 @@ class Packed:
     shape: tuple[str, ...]
 
 
+Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
+PackedRuns = Mapping[Place, Packed]
+
+
 def pack(description: Mapping[str, Any], precision: str) -> Packed:
     """Pack a description. TypeError: a value that no description has."""
     law = C_LAWS.get(description["controller"]["law"])
@@ -173,7 +177,7 @@ class _Packer:
         self.data += struct.pack(f"<{format}", value)
 
 
-KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]], ...] = (
+PACKERS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]], ...] = (
     (type(None), _Packer.none),
     (bool, _Packer.boolean),
     ((int, np.integer), _Packer.integer),
@@ -189,10 +193,10 @@ KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]]
 @cache
 def _put(kind: Any) -> Callable[[_Packer, Any, str], None] | None:
     """The packer's method for values of a class; None: no description has such a value."""
-    return next((put for base, put in KINDS if issubclass(kind, base)), None)
+    return next((put for base, put in PACKERS if issubclass(kind, base)), None)
 
 
-def held(study: AnyStudy) -> list[Pair]:
+def page_runs(study: AnyStudy) -> list[Pair]:
     """The runs that a page can hold: all but those of the laws that `left_out` names."""
     return [pair for pair in every(study) if not study.once(why_not, pair[1])]
 

@@ -30,8 +30,8 @@ import numpy as np
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import MOTOR, PAGE_KEYS, YOURS, Candidate
-from cogless.live.description import Number, Packed, blobs, held
-from cogless.live.own_motor import TOGETHER, OwnMotor, own_motor
+from cogless.live.description import Number, Packed, PackedRuns, Place, blobs, page_runs
+from cogless.live.own_motor import OWN_MOTOR_KEYS, OwnMotor, own_motor
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
@@ -45,9 +45,7 @@ PAIRS_REPEATS = 9  # times that a value is tried, each beside different pole pai
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "it acts on the same numbers as another key"
 OTHER_SHAPE = "the run's description takes another shape with it"
-Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
 Samples = Callable[[Candidate], list[float]]
-All = Mapping[Place, Packed]
 Columns = Mapping[Number, Mapping[float, float]]  # of each number its value at each stop
 
 
@@ -80,23 +78,23 @@ Failing = Callable[[Sequence[Tried], Sequence[Pair]], list[Pair] | None]
 
 
 @dataclass
-class Found:
+class AdjustableKeys:
     """Keys that a page can change, and why it can't change others."""
 
     keys: list[Key] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     own_motor: OwnMotor | None = None
-    base: All = field(default_factory=dict)
+    base: PackedRuns = field(default_factory=dict)
 
 
-def adjustable(study: AnyStudy, told: bool = False) -> Found:
-    """The keys of a study that a page can change. `told`: the controller is told of the motor's, too."""
-    base = packed(study, held(study))
-    adjustable_keys, taken = Found(base=base), set[tuple[Place, int]]()
-    listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
+def adjustable(study: AnyStudy, for_own_motor: bool = False) -> AdjustableKeys:
+    """The keys that a page can change. `for_own_motor`: the controller is told of the motor's, too."""
+    base = packed(study, page_runs(study))
+    adjustable_keys, taken = AdjustableKeys(base=base), set[tuple[Place, int]]()
+    listed = [_bounded(study, candidate) for candidate in _candidates(study, for_own_motor)]
     listed = _with_all_runs(study, base, listed)
-    together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
-    if told:
+    together = [candidate for candidate in listed if for_own_motor and candidate.key in OWN_MOTOR_KEYS]
+    if for_own_motor:
         _check_words(study, {candidate.key for candidate in together})
         adjustable_keys.own_motor = _own_motor(study, base, together)
         adjustable_keys.keys += [Key(candidate, {}) for candidate in adjustable_keys.own_motor.keys.values()]
@@ -153,7 +151,7 @@ def _of_slider(key: Key) -> Key:
     return replace(key, candidate=replace(candidate, least=candidate.low, most=candidate.high))
 
 
-def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key:
+def _narrowed(study: AnyStudy, base: PackedRuns, key: Key, own: OwnMotor | None) -> Key:
     """The key with its field narrowed to values for which the page's numbers are right."""
 
     def is_right(value: float) -> bool:
@@ -178,11 +176,11 @@ def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None)
     return {(*pair, what): blob for pair in pairs for what, blob in blobs(study, *pair, like).items()}
 
 
-def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
-    return PAGE_KEYS[study.kind].candidates(study, told)
+def _candidates(study: AnyStudy, for_own_motor: bool) -> Iterator[Candidate]:
+    return PAGE_KEYS[study.kind].candidates(study, for_own_motor)
 
 
-def _own_motor(study: AnyStudy, base: All, keys: Sequence[Candidate]) -> OwnMotor:
+def _own_motor(study: AnyStudy, base: PackedRuns, keys: Sequence[Candidate]) -> OwnMotor:
     """The numbers that these keys set together.
 
     StudyError, which names the study's file: a number is no product of the keys' powers.
@@ -197,7 +195,7 @@ def _own_motor(study: AnyStudy, base: All, keys: Sequence[Candidate]) -> OwnMoto
 
 def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
     """The candidate with a slider whose ends the study accepts."""
-    if candidate.stops or (candidate.group == YOURS and candidate.key in TOGETHER):
+    if candidate.stops or (candidate.group == YOURS and candidate.key in OWN_MOTOR_KEYS):
         return candidate  # of one's own motor, its other keys decide
     return _within_study(study, candidate)
 
@@ -224,7 +222,7 @@ def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
 
 def _check_words(study: AnyStudy, present: Set[str]) -> None:
     """StudyError unless the study has all keys that set numbers together."""
-    if missing := [key for key in MOTOR if key in TOGETHER - present]:
+    if missing := [key for key in MOTOR if key in OWN_MOTOR_KEYS - present]:
         motor = study.source.tables.get("motor", {})
         others = replaced_by_any(key.removeprefix("motor.") for key in missing)
         in_place = ", ".join(key for key in motor if key in others)
@@ -232,7 +230,9 @@ def _check_words(study: AnyStudy, present: Set[str]) -> None:
         raise StudyError(f"{study.source.path}: {', '.join(missing)}: missing: {expected}")
 
 
-def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None) -> tuple[Key | None, str]:
+def _tried(
+    study: AnyStudy, base: PackedRuns, candidate: Candidate, own: OwnMotor | None
+) -> tuple[Key | None, str]:
     """The key as one value shows it, or why there is none; `disproved` tries more values."""
     value, changed_blobs, why = _first_accepted(study, candidate)
     if why:
@@ -250,7 +250,7 @@ def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | Non
     return _with_stops(study, base, candidate, own)
 
 
-def _with_all_runs(study: AnyStudy, base: All, listed: Sequence[Candidate]) -> list[Candidate]:
+def _with_all_runs(study: AnyStudy, base: PackedRuns, listed: Sequence[Candidate]) -> list[Candidate]:
     """The candidates, with those of a scenario marked that also move numbers of other scenarios' runs.
 
     An example is the slowest reference, if the orders that a law learns depend on it.
@@ -262,7 +262,7 @@ def _with_all_runs(study: AnyStudy, base: All, listed: Sequence[Candidate]) -> l
     marked = {
         candidate.key
         for scenario, group in groups.items()
-        if (others := [pair for pair in held(study) if pair[0] != scenario])
+        if (others := [pair for pair in page_runs(study) if pair[0] != scenario])
         for end in ("low", "high")
         for candidate in _moving(study, base, group, end, others)
     }
@@ -272,7 +272,7 @@ def _with_all_runs(study: AnyStudy, base: All, listed: Sequence[Candidate]) -> l
 
 
 def _moving(
-    study: AnyStudy, base: All, group: Sequence[Candidate], end: str, runs: Sequence[Pair]
+    study: AnyStudy, base: PackedRuns, group: Sequence[Candidate], end: str, runs: Sequence[Pair]
 ) -> list[Candidate]:
     """The candidates that move numbers of these runs, each at this end of its slider."""
     changed_blobs = _accepted_values(study, [(one, getattr(one, end)) for one in group], runs)
@@ -284,7 +284,7 @@ def _moving(
     return [one for part in (group[:half], group[half:]) for one in _moving(study, base, part, end, runs)]
 
 
-def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, str]:
+def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, PackedRuns, str]:
     """The first sample that the study accepts and its descriptions, or why it refuses the first one."""
     whys = []
     for value in () if candidate.stops else samples(candidate):
@@ -297,7 +297,7 @@ def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, 
 
 def disproved(
     study: AnyStudy,
-    base: All,
+    base: PackedRuns,
     keys: Sequence[Key],
     samples: Samples,
     own: OwnMotor | None,
@@ -308,7 +308,7 @@ def disproved(
     The pole pairs of one's own motor change with them. `alone`: also a key that the study refuses with such a
     value.
     """
-    runs, wrong, right = held(study), list[Key](), list(keys)
+    runs, wrong, right = page_runs(study), list[Key](), list(keys)
     for n in range(1, len(samples(keys[0].candidate)) if keys else 0):
         at_sample = partial(_failing, study, base, own, n)
         wrong += _wrong(at_sample, [(key, samples(key.candidate)[n]) for key in right], runs, alone)
@@ -333,7 +333,12 @@ def _wrong(failing: Failing, tried: Sequence[Tried], runs: Sequence[Pair], alone
 
 
 def _failing(
-    study: AnyStudy, base: All, own: OwnMotor | None, n: int, tried: Sequence[Tried], runs: Sequence[Pair]
+    study: AnyStudy,
+    base: PackedRuns,
+    own: OwnMotor | None,
+    n: int,
+    tried: Sequence[Tried],
+    runs: Sequence[Pair],
 ) -> list[Pair] | None:
     """The runs in which these direct keys, written into the base, don't give the changed descriptions.
 
@@ -371,7 +376,7 @@ def _as_set(unchanged: Packed, place: Place, tried: Sequence[Tried]) -> bytearra
 
 def _accepted_values(
     study: AnyStudy, values: Sequence[tuple[Candidate, float]], pairs: Sequence[Pair] | None = None
-) -> All | None:
+) -> PackedRuns | None:
     """The descriptions with these values, as of `_changed`; None if the study refuses the values together."""
     try:
         return _changed(study, values, pairs)
@@ -390,7 +395,7 @@ def _changed(
 
 
 def _with_stops(
-    study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None
+    study: AnyStudy, base: PackedRuns, candidate: Candidate, own: OwnMotor | None
 ) -> tuple[Key | None, str]:
     """The key with a table over its stops, and over pole pairs where needed; or why there is no such key."""
     tabulated = _tabulated(study, base, candidate)
@@ -402,7 +407,7 @@ def _with_stops(
     return joint, "" if joint else SAME_NUMBERS
 
 
-def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
+def _tabulated(study: AnyStudy, base: PackedRuns, candidate: Candidate) -> Key | None:
     """The key with stops; None if the descriptions take another shape with it.
 
     A run's number takes the column of an earlier run's number of the same path, if both are equal at the
@@ -439,12 +444,14 @@ def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
     return Key(candidate, lands, tuple(variants))
 
 
-def _columns(study: AnyStudy, base: All, pair: Pair, variants: dict[float, AnyStudy]) -> dict[Place, Columns]:
+def _columns(
+    study: AnyStudy, base: PackedRuns, pair: Pair, variants: dict[float, AnyStudy]
+) -> dict[Place, Columns]:
     """Of a run each number that these variants of the study move, with its values.
 
     A variant that the run refuses, or that gives it another shape, is taken out of `variants`.
     """
-    tables: dict[float, All] = {}
+    tables: dict[float, PackedRuns] = {}
     for value in list(variants):
         with suppress(StudyError, MisfitError):
             changed_blobs = packed(variants[value], [pair], study)
@@ -484,7 +491,7 @@ def _by_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> Key | None:
     """
     candidate, runs = key.candidate, key.candidate.pairs(study)
     counts = sorted(own.turned)
-    tables: dict[tuple[float, int], All] = {}
+    tables: dict[tuple[float, int], PackedRuns] = {}
     for stop, n in product(key.stops, counts):
         changed_blobs = _accepted_values(study, [(candidate, stop), (own.pole_pairs, n)], runs)
         if changed_blobs is not None:
@@ -524,7 +531,7 @@ def _holds_beside(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
     return True
 
 
-def _same_shape(base: All, changed_blobs: All) -> bool:
+def _same_shape(base: PackedRuns, changed_blobs: PackedRuns) -> bool:
     return all(blob.shape == base[place].shape for place, blob in changed_blobs.items())
 
 

@@ -17,9 +17,9 @@ from cogless.control_library import C_LAWS, Status
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
 from cogless.live import engine, own_motor
-from cogless.live.description import Packed, held, left_out
+from cogless.live.description import Packed, Place, left_out, page_runs
 from cogless.live.key_words import key_words
-from cogless.live.keys import Found, Key, Place, adjustable, packed
+from cogless.live.keys import AdjustableKeys, Key, adjustable, packed
 from cogless.live.motor_classes import motor_classes
 from cogless.live.sensor_choices import SensorChoice, sensor_choices
 from cogless.live.spare_orders import spare_orders
@@ -54,7 +54,7 @@ FORBID = (
 def render(
     study: AnyStudy,
     command: str,
-    told: bool = False,
+    for_own_motor: bool = False,
     limits: Mapping[str, str] = NO_LIMITS,
     pins: Changes = NO_PINS,
 ) -> str:
@@ -64,12 +64,13 @@ def render(
     these, too.
 
     `limits`: by scenario, what limits its best run, where that was looked for.
-    `told`: the motor's values are changed in the study, so that the controller is told, not in an override.
+    `for_own_motor`: the motor's values are changed in the study, so that the controller is told, not in an
+    override.
 
     StudyError: no WebAssembly engine, or no run that a page can hold.
     """
     module = engine.module(study.precision)
-    adjustable_keys = adjustable(study, told)
+    adjustable_keys = adjustable(study, for_own_motor)
     blocks = {
         "data": json.dumps(
             data(study, adjustable_keys, command, limits, pins), separators=(",", ":"), allow_nan=False
@@ -117,13 +118,13 @@ def _hashes(texts: Any) -> str:
 
 def data(
     study: AnyStudy,
-    adjustable_keys: Found,
+    adjustable_keys: AdjustableKeys,
     command: str,
     limits: Mapping[str, str] = NO_LIMITS,
     pins: Changes = NO_PINS,
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
-    pairs = held(study)
+    pairs = page_runs(study)
     page = PAGES[study.kind]
     spares, cogging = page.spare_orders(study, adjustable_keys.base)
     sensors = page.sensor_choices(study, adjustable_keys, spares)
@@ -292,7 +293,7 @@ class KindOfPage:
     # keys of the cogging orders that can be added, and those that the study has
     spare_orders: Callable[[Any, Mapping[Place, Packed]], tuple[list[Key], dict[str, Any]]]
     sensor_choices: Callable[
-        [Any, Found, list[Key]], Sequence[Any]
+        [Any, AdjustableKeys, list[Key]], Sequence[Any]
     ]  # sensors that can be chosen in their place
 
 
@@ -377,7 +378,7 @@ def _landing(key: Key, one: Any) -> list[Any]:
     return [one.number.offset, one.number.format, one.scale, one.rounded]
 
 
-def _motor(study: AnyStudy, adjustable_keys: Found) -> dict[str, Any] | None:
+def _motor(study: AnyStudy, adjustable_keys: AdjustableKeys) -> dict[str, Any] | None:
     """What a page needs to set the numbers of one's own motor."""
     own = adjustable_keys.own_motor
     if own is None:
@@ -385,8 +386,8 @@ def _motor(study: AnyStudy, adjustable_keys: Found) -> dict[str, Any] | None:
     assert study.motor is not None
     plant = study.motor.star()
     return {
-        "over": own_motor.RESISTANCE,
-        "under": own_motor.INDUCTANCE,
+        "over": own_motor.RESISTANCE_KEY,
+        "under": own_motor.INDUCTANCE_KEY,
         "pole_pairs": own_motor.POLE_PAIRS,
         "nodes": own_motor.nodes(own.ends),
         "ends": own.ends,
@@ -406,7 +407,7 @@ def _description(study: AnyStudy) -> str:
     return f'<section><h2>About this study</h2><p class="description">{text}</p></section>'
 
 
-def _left_out(study: AnyStudy, adjustable_keys: Found) -> str:
+def _left_out(study: AnyStudy, adjustable_keys: AdjustableKeys) -> str:
     lines = left_out(study)
     lines += [f"{key}: {why}." for key, why in adjustable_keys.left_out]
     if not lines:

@@ -18,12 +18,19 @@ from dataclasses import dataclass, replace
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
-from cogless.live.description import Number, Packed
+from cogless.live.description import Number, PackedRuns, Place
 
-RESISTANCE, INDUCTANCE = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
+RESISTANCE_KEY, INDUCTANCE_KEY = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
 POLE_PAIRS = "motor.pole_pairs"
-TOGETHER = frozenset(
-    (POLE_PAIRS, RESISTANCE, INDUCTANCE, "motor.kv", "mechanics.inertia", "drive.inverter.bus_voltage")
+OWN_MOTOR_KEYS = frozenset(
+    (
+        POLE_PAIRS,
+        RESISTANCE_KEY,
+        INDUCTANCE_KEY,
+        "motor.kv",
+        "mechanics.inertia",
+        "drive.inverter.bus_voltage",
+    )
 )
 CURVE_NODES = 24  # nodes of the curve, at Chebyshev's places over log(R_s / L)
 SLOWEST_RATIO, FASTEST_RATIO = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
@@ -33,19 +40,10 @@ CLOSE = {"f": 3e-7, "d": 1e-12}  # relative; other numbers are whole
 POWER_TOLERANCE = 1e-5  # distance of a power from a whole number that counts as none
 CHECKED_MOTORS = 12
 # the logarithm of a refused share is halved so often, until _check gives up: 100 has become 1.02
-END_HALVINGS = 8
-STEPS = (
-    2.0,
-    0.5,
-    1.25,
-    0.8,
-    1.02,
-    0.98,
-)  # factors on a key's value; the first accepted is used
+SHARE_HALVINGS = 8
+STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # factors on a key's value; the first accepted is used
 
-Place = tuple[str, str, str]
-All = Mapping[Place, Packed]
-Changed = Callable[[Sequence[tuple[Candidate, float]]], All]
+Changed = Callable[[Sequence[tuple[Candidate, float]]], PackedRuns]
 Narrow = Callable[[Candidate], Candidate]
 
 
@@ -64,15 +62,15 @@ class Product:
 class OwnMotor:
     """The data that a page needs for one's own motor.
 
-    `products`: each number as a product of powers of the keys. `keys`: the keys of TOGETHER, with the range
-    that the page accepts. `ends`: the range of R_s / L, as a share of the study's. `turned`: the study's
-    descriptions for each number of pole pairs that the page accepts.
+    `products`: each number as a product of powers of the keys. `keys`: those of OWN_MOTOR_KEYS, with the
+    range that the page accepts. `ends`: the range of R_s / L, as a share of the study's. `turned`: the
+    study's descriptions for each number of pole pairs that the page accepts.
     """
 
     products: Mapping[Place, Sequence[Product]]
     keys: Mapping[str, Candidate]
     ends: tuple[float, float]
-    turned: Mapping[int, All]
+    turned: Mapping[int, PackedRuns]
 
     @property
     def pole_pairs(self) -> Candidate:
@@ -94,30 +92,30 @@ class OwnMotor:
         drawn = pairs.least + 7 * n % round(pairs.most - pairs.least + 1)
         values[POLE_PAIRS] = float(round(pairs.start + reach * (drawn - pairs.start)))
         ratio = (slow * (fast / slow) ** ((n + 0.5) / CHECKED_MOTORS)) ** reach
-        over, under = self.keys[RESISTANCE], self.keys[INDUCTANCE]
-        values[INDUCTANCE] = float(f"{under.start * values[RESISTANCE] / over.start / ratio:.6g}")
+        over, under = self.keys[RESISTANCE_KEY], self.keys[INDUCTANCE_KEY]
+        values[INDUCTANCE_KEY] = float(f"{under.start * values[RESISTANCE_KEY] / over.start / ratio:.6g}")
         return values
 
 
-def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
-    """The numbers that the keys of TOGETHER set, as products of powers.
+def own_motor(base: PackedRuns, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
+    """The numbers that the keys of OWN_MOTOR_KEYS set, as products of powers.
 
     `changed` gives the descriptions with some values, or raises StudyError or MisfitError if the study
     refuses them. `narrow` gives a key with the range that the study accepts. StudyError: a number is no such
     product.
     """
     by_key = {key.key: key for key in keys}
-    over, under = by_key[RESISTANCE], by_key[INDUCTANCE]
+    over, under = by_key[RESISTANCE_KEY], by_key[INDUCTANCE_KEY]
     by_key[POLE_PAIRS], turned = _turned(base, changed, by_key[POLE_PAIRS])
     ends, bent = _bent(changed, under)
     scaled = {key: _scaled(base, changed, by_key[key]) for key in by_key if key != POLE_PAIRS}
     for key, (share, _) in scaled.items():
-        if share != STEPS[0] and key not in (RESISTANCE, INDUCTANCE):
+        if share != STEPS[0] and key not in (RESISTANCE_KEY, INDUCTANCE_KEY):
             by_key[key] = narrow(by_key[key])
     scaled_pair = _scaled(base, changed, over, under)
 
-    def of(number: Number, place: Place) -> Product | None:
-        def power(share: float, blobs_now: All) -> float:
+    def product_of(number: Number, place: Place) -> Product | None:
+        def power(share: float, blobs_now: PackedRuns) -> float:
             return _power(number.read(blobs_now[place].data), start, share)
 
         start = number.read(base[place].data)
@@ -128,9 +126,9 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
         if number.format not in CLOSE and not any(powers.values()):
             return Product(number, 1.0, {}, factors)
         curve: tuple[float, ...] = ()
-        if not all(_is_whole(powers[key]) for key in (RESISTANCE, INDUCTANCE)):
-            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*scaled_pair)}
-            exponent = round(powers[INDUCTANCE])
+        if not all(_is_whole(powers[key]) for key in (RESISTANCE_KEY, INDUCTANCE_KEY)):
+            powers |= {RESISTANCE_KEY: 0.0, INDUCTANCE_KEY: power(*scaled_pair)}
+            exponent = round(powers[INDUCTANCE_KEY])
             curve = tuple(
                 number.read(blobs_now[place].data) / start / share**exponent for share, blobs_now in bent
             )
@@ -141,7 +139,7 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
             number, start, whole, () if set(factors) == {start} else tuple(x / start for x in factors), curve
         )
 
-    every = {place: [of(number, place) for number in blob.numbers] for place, blob in base.items()}
+    every = {place: [product_of(number, place) for number in blob.numbers] for place, blob in base.items()}
     products = {place: [one for one in all_of if one is not None] for place, all_of in every.items()}
     own = OwnMotor(products, by_key, ends, turned)
     _check(base, changed, own)
@@ -155,7 +153,7 @@ def nodes(ends: tuple[float, float]) -> list[float]:
     return [(low + high) / 2 + (high - low) / 2 * math.cos(angle) for angle in angles]
 
 
-def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> All | None:
+def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> PackedRuns | None:
     """The descriptions with these values; None if the study refuses them."""
     try:
         return changed(values)
@@ -163,7 +161,7 @@ def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> Al
         return None
 
 
-def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, All]]:
+def _turned(base: PackedRuns, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, PackedRuns]]:
     """The pole pairs that the study accepts without a gap around its own, and the descriptions of each."""
     start, turned = round(pairs.start), {round(pairs.start): base}
     for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
@@ -176,7 +174,7 @@ def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, d
     return replace(pairs, low=low, high=high, least=low, most=high), turned
 
 
-def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, All]]]:
+def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, PackedRuns]]]:
     """The ends of R_s / L within which the study accepts every node.
 
     Each node has a share of the study's L and the descriptions with it.
@@ -196,7 +194,7 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
             return (ends[0], ends[1]), bent
 
 
-def _scaled(base: All, changed: Changed, *keys: Candidate) -> tuple[float, All]:
+def _scaled(base: PackedRuns, changed: Changed, *keys: Candidate) -> tuple[float, PackedRuns]:
     """The first of STEPS that the study accepts for these keys together, with its descriptions; else 1."""
     for share in STEPS:
         changed_blobs = _accepted(changed, [(key, share * key.start) for key in keys])
@@ -215,7 +213,9 @@ def computed(one: Product, own: OwnMotor, values: Mapping[str, float]) -> float:
     if one.factors:
         result *= one.factors[round(values.get(POLE_PAIRS, pairs.start) - pairs.least)]
     if one.curve:
-        result *= _between(nodes(own.ends), one.curve, math.log(shares[RESISTANCE] / shares[INDUCTANCE]))
+        result *= _between(
+            nodes(own.ends), one.curve, math.log(shares[RESISTANCE_KEY] / shares[INDUCTANCE_KEY])
+        )
     return result
 
 
@@ -244,10 +244,10 @@ def _is_whole(x: float) -> bool:
     return abs(x - round(x)) < POWER_TOLERANCE if math.isfinite(x) else False
 
 
-def _check(base: All, changed: Changed, own: OwnMotor) -> None:
+def _check(base: PackedRuns, changed: Changed, own: OwnMotor) -> None:
     """StudyError: a number is not what its product says, or one moves that has none."""
     for n in range(CHECKED_MOTORS):
-        for halvings in range(END_HALVINGS):
+        for halvings in range(SHARE_HALVINGS):
             values = own.together(n, 0.5**halvings)
             changed_blobs = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
             if changed_blobs is not None:
@@ -255,7 +255,7 @@ def _check(base: All, changed: Changed, own: OwnMotor) -> None:
                 break
 
 
-def _compare(base: All, changed_blobs: All, own: OwnMotor, values: Mapping[str, float]) -> None:
+def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values: Mapping[str, float]) -> None:
     for place, blob in changed_blobs.items():
         products = {one.number: computed(one, own, values) for one in own.products[place]}
         for number in blob.numbers:

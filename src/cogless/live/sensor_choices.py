@@ -14,8 +14,8 @@ from typing import Any
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
-from cogless.live.description import Packed, held
-from cogless.live.keys import Found, Key, Landing, Place, disproved, packed, samples
+from cogless.live.description import Packed, Place, page_runs
+from cogless.live.keys import AdjustableKeys, Key, Landing, disproved, packed, samples
 from cogless.study import Study
 from cogless.study.reading import changed
 from cogless.study.toml import toml
@@ -35,7 +35,7 @@ OTHER_SENSORS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("incremental, 1024 lines", {"kind": "encoder", "lines": 1024, "speed_method": "MT"}),
 )
 OBSERVER_SHARE = 40  # the observer's bandwidth: the speed loop's rate over this
-TRIED_VALUES = 2  # of each key with another sensor; the first is not tried
+SENSOR_VALUES = 2  # of each key with another sensor; the first is not tried
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class SensorChoice:
     lands: Mapping[str, Mapping[Place, tuple[Landing, ...]]]
 
 
-def sensor_choices(study: Study, page_keys: Found, spares: Sequence[Key]) -> list[SensorChoice]:
+def sensor_choices(study: Study, page_keys: AdjustableKeys, spares: Sequence[Key]) -> list[SensorChoice]:
     """The sensors that the study takes in place of its own; none where no keys were looked for."""
     if not page_keys.base:
         return []
@@ -56,7 +56,7 @@ def sensor_choices(study: Study, page_keys: Found, spares: Sequence[Key]) -> lis
     for words, table in _tables(study):
         try:
             other = changed(study, {SENSOR: table})
-            base = packed(other, held(study), study)
+            base = packed(other, page_runs(study), study)
         except (StudyError, MisfitError):
             continue
         keys = [
@@ -71,7 +71,7 @@ def sensor_choices(study: Study, page_keys: Found, spares: Sequence[Key]) -> lis
 
 
 def _few(candidate: Candidate) -> list[float]:
-    return samples(candidate)[:TRIED_VALUES]
+    return samples(candidate)[:SENSOR_VALUES]
 
 
 def _tables(study: Study) -> Iterator[tuple[str, dict[str, Any]]]:

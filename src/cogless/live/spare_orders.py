@@ -11,8 +11,8 @@ from typing import Any
 
 from cogless import units
 from cogless.live.candidates import Candidate
-from cogless.live.description import SPARE_ORDERS, Packed
-from cogless.live.keys import Key, Landing, Place
+from cogless.live.description import SPARE_ORDERS, Packed, Place
+from cogless.live.keys import Key, Landing
 from cogless.run.simulate import Pair
 from cogless.study import Study, for_scenario
 from cogless.study.toml import toml

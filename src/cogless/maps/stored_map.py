@@ -194,7 +194,7 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
     )
 
 
-class Found(NamedTuple):
+class FlashPlace(NamedTuple):
     """A place in a dump of flash that begins like a map: the map, or the error that says why it isn't one."""
 
     offset: int
@@ -208,25 +208,25 @@ class Valid(NamedTuple):
     map: StoredMap
 
 
-def find(data: bytes) -> list[Found]:
+def find(data: bytes) -> list[FlashPlace]:
     """Find every map in a dump of flash, which contains whole slots."""
     return list(_find(data))
 
 
-def _find(data: bytes) -> Iterator[Found]:
+def _find(data: bytes) -> Iterator[FlashPlace]:
     offset = data.find(MAGIC_BYTES)
     while offset >= 0:
         try:
             stored = decode(data, offset)
         except MapError as error:
-            yield Found(offset, error)
+            yield FlashPlace(offset, error)
             offset = data.find(MAGIC_BYTES, offset + 1)
         else:
-            yield Found(offset, stored)
+            yield FlashPlace(offset, stored)
             offset = data.find(MAGIC_BYTES, offset + len(bytes(stored)))
 
 
-def newest(places: list[Found]) -> Valid | None:
+def newest(places: list[FlashPlace]) -> Valid | None:
     """The valid map that was saved last, by its number, which wraps around at 2^32; None if there is none.
 
     It is the one that firmware loads, if it fits the law.
@@ -239,7 +239,7 @@ def newest(places: list[Found]) -> Valid | None:
     return best
 
 
-def read(path: Path) -> list[Found]:
+def read(path: Path) -> list[FlashPlace]:
     """Find every map in a file. MapError: nothing in it begins like a map; StudyError: it can't be read."""
     try:
         no_device(Path(path))
@@ -270,7 +270,7 @@ def _write_sizes() -> tuple[int, ...]:
 HEX_BASE = 16
 
 
-def map_lines(maps: list[Found], newest: Valid) -> list[str]:
+def map_lines(maps: list[FlashPlace], newest: Valid) -> list[str]:
     """Lines about every map that was found; the newest one in detail."""
     text = []
     for place in maps:

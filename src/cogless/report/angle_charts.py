@@ -57,7 +57,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
     if not chosen or np.any(np.diff(turns) < 0):  # the rotor turns back: no function of the angle
         return []
     learned = np.sum([run.trace[name] for name in learned_terms(results, run)], axis=0)
-    drawn = [(e.title, e.of(run.trace), e.quantity, e.unit) for e in errors(results, [run])]
+    drawn = [(e.title, e.displayed(run.trace), e.quantity, e.unit) for e in errors(results, [run])]
     return [
         {
             "title": f"{title} over {law.period_words}: {results.study.label(run.controller)}",

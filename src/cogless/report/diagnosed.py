@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from cogless.files import replacing
-from cogless.identify.diagnosis import SHOWN, Diagnosis, answer, shown, sizes
+from cogless.identify.diagnosis import LINE_SHARE_LEAST, Diagnosis, answer, cause_text, sizes
 from cogless.report.identified import page_of, sentences
 from cogless.report.markup import note, table
 from cogless.units import TURN
@@ -26,7 +26,7 @@ def render(diagnosis: Diagnosis) -> str:
     sections = [
         ("Where the ripple comes from", note(answer(diagnosis)) + _bars(diagnosis) + _logs(diagnosis)),
         ("Orders", _orders(diagnosis)),
-        ("What stays open, and what to record next", sentences(diagnosis.said)),
+        ("What stays open, and what to record next", sentences(diagnosis.remarks)),
     ]
     return page_of("diagnose", diagnosis.title, sections)
 
@@ -59,8 +59,8 @@ def _logs(diagnosis: Diagnosis) -> str:
 
 def _orders(diagnosis: Diagnosis) -> str:
     body = ""
-    for order in diagnosis.found:
-        if order.share < SHOWN:
+    for order in diagnosis.orders:
+        if order.share < LINE_SHARE_LEAST:
             continue
         cells = [
             f"{order.order}",
@@ -68,7 +68,7 @@ def _orders(diagnosis: Diagnosis) -> str:
             "" if math.isnan(order.load) else f"{order.load:.3g} A",
             f"{order.ripple:.3g} rad/s",
             f"{100 * order.share:.0f} %",
-            ", ".join(shown(cause) for cause in order.causes if abs(cause.share) > 0.05),
+            ", ".join(cause_text(cause) for cause in order.causes if abs(cause.share) > 0.05),
             order.confidence,
         ]
         body += (

@@ -12,7 +12,7 @@ from cogless.report.comparison import speed_unit
 from cogless.report.markup import number
 from cogless.report.panels import varies
 from cogless.report.speed_tracking import missed
-from cogless.report.verdicts import ScenarioVerdict, Told, times
+from cogless.report.verdicts import Paragraph, ScenarioVerdict, times
 from cogless.results import Results, Run
 from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor
@@ -37,7 +37,7 @@ def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     faults = [response.fault for response in runs[0].faults]
     words = [f"{_seconds(fault.time)}: {what(fault)}" for fault in faults]
     parts = [
-        Told(
+        Paragraph(
             words[place] if len(faults) > 1 else "",
             [(run.controller, _sentence(results, run, run.faults[place])) for run in runs],
         )
@@ -46,7 +46,7 @@ def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     more = len(faults) - FAULTS_SHOWN
     if more > 0:
         others = "One more fault is" if more == 1 else f"{more} more faults are"
-        parts.append(Told(f"{others} in results.json.", []))
+        parts.append(Paragraph(f"{others} in results.json.", []))
     broke = words[0] if len(faults) == 1 else f"{len(faults)} faults, the first at {words[0]}"
     tone, outcome = _outcome(results, runs)
     return ScenarioVerdict(runs[0].scenario, tone, f"{broke}. {outcome}".rstrip(), [], parts)

@@ -18,7 +18,7 @@ from cogless.identify.command import Identified, lines
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.sessions import SESSION_KEYS, sessions
-from cogless.identify.write import shown
+from cogless.identify.write import value_text
 from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, note, table
 from cogless.results.trace import Array, Trace
@@ -44,7 +44,7 @@ def render(identified: Identified) -> str:
         ("What each log contributed", _logs(estimate)),
         ("Sessions", _sessions(estimate)),
     ]
-    return page_of("identify", estimate.known.title, sections)
+    return page_of("identify", estimate.identification.title, sections)
 
 
 def page_of(command: str, title: str, sections: Sequence[tuple[str, str]]) -> str:
@@ -100,7 +100,7 @@ def write_plot(estimate: Estimate, path: Path) -> None:
     ]
     if rows:
         with matplotlib.rc_context(STYLE):
-            save(path, f"{estimate.known.title}: orders, with errors at 95 %", rows, 1.7, "")
+            save(path, f"{estimate.identification.title}: orders, with errors at 95 %", rows, 1.7, "")
 
 
 def _kinds(estimate: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
@@ -220,7 +220,7 @@ def _sessions(estimate: Estimate) -> str:
     for session in sessions(estimate):
         cells = [", ".join(session.logs)]
         values = [session.values.get(key) for key in SESSION_KEYS]
-        cells += ["not told" if value is None else shown(value, "A") for value in values]
+        cells += ["not told" if value is None else value_text(value, "A") for value in values]
         body += f"<tr><th>{escape(session.name)}</th>{''.join(f'<td>{escape(c)}</td>' for c in cells)}</tr>"
     head = "".join(f"<th>{name}</th>" for name in ("Session", "logs", "friction over K_t", "offset of i_q"))
     return table("", "Sessions", head, body) if body else ""

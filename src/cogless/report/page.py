@@ -18,7 +18,7 @@ from cogless.files import versions
 from cogless.report.charts import Picture
 from cogless.report.comparison import Line, runs_in
 from cogless.report.markup import asset, colours, key, note, place, table_rows, tint
-from cogless.report.verdicts import Answer, LearningHelps, ScenarioVerdict, Told
+from cogless.report.verdicts import Answer, LearningHelps, Paragraph, ScenarioVerdict
 from cogless.results import AnyResults, Run
 from cogless.results.results_json import run_id
 from cogless.study.base import StudyBase
@@ -263,9 +263,9 @@ def _figures(results: AnyResults, answer: Answer | None) -> str:
 
 def _details(verdict: ScenarioVerdict | None, results: AnyResults) -> str:
     """The verdict's further sentences as HTML; "" without any."""
-    if verdict is None or not (verdict.told or verdict.details):
+    if verdict is None or not (verdict.paragraphs or verdict.details):
         return ""
-    faults = "".join(_fault_lines(fault, results) for fault in verdict.told)
+    faults = "".join(_fault_lines(fault, results) for fault in verdict.paragraphs)
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in verdict.details)
     return (
         '<section data-part="details"><h2>Why, and at what cost</h2>'
@@ -273,7 +273,7 @@ def _details(verdict: ScenarioVerdict | None, results: AnyResults) -> str:
     )
 
 
-def _fault_lines(part: Told, results: AnyResults) -> str:
+def _fault_lines(part: Paragraph, results: AnyResults) -> str:
     """A fault's heading, and a line for each controller."""
     heading = f'<p class="fault">{escape(part.heading)}</p>' if part.heading else ""
     rows = "".join(f"{key(results, c, 'dt')}<dd>{escape(text)}</dd>" for c, text in part.sentences)

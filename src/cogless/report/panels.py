@@ -37,7 +37,7 @@ class Panel:
         """The number by which the signal's SI values are divided to get displayed values."""
         return factor(self.unit, SIGNAL_DIMENSIONS.get(self.signal, CURRENT)) / self.ratio
 
-    def of(self, trace: Trace) -> Array:
+    def displayed(self, trace: Trace) -> Array:
         return np.asarray(trace[self.signal] / self.scale)
 
 

@@ -293,12 +293,12 @@ def judged_line(results: Results, runs: Sequence[Run]) -> Line | None:
 class _Basis:
     """The lines of a scenario's table by which its controllers can be judged.
 
-    `known`: metrics that are better when lower. `lines`: the part of these that distinguishes controllers.
-    `line`: the one that judges.
+    `all_lines`: metrics that are better when lower. `lines`: the part of these that distinguishes
+    controllers. `line`: the one that judges.
     """
 
     where: str
-    known: Sequence[Line]
+    all_lines: Sequence[Line]
     lines: Sequence[Line]
     line: Line | None
 
@@ -306,7 +306,7 @@ class _Basis:
     def unjudged(self) -> bool:
         """Whether every line that shows the rotor was dropped, so that none is left to judge by."""
         shows = self.line is not None and (self.line.signal or "").startswith(("omega", "theta"))
-        return len(self.lines) < len(self.known) and not shows
+        return len(self.lines) < len(self.all_lines) and not shows
 
 
 def _basis(results: Results, runs: Sequence[Run]) -> _Basis:
@@ -332,7 +332,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     scenario, baseline = runs[0].scenario, results.study.baseline
     basis = _basis(results, runs)
     if basis.unjudged:
-        return _nothing_judged(results, scenario, basis.where, basis.known)
+        return _nothing_judged(results, scenario, basis.where, basis.all_lines)
     if basis.line is None:
         return None
     line = basis.line

@@ -20,7 +20,7 @@ from cogless.report import page
 from cogless.report.comparison import pretty
 from cogless.report.markup import DASH, key, note, number, place, plain, reservations, table, table_rows
 from cogless.report.page import Runs, Sections
-from cogless.report.verdicts import Answer, ScenarioVerdict, Told, listed
+from cogless.report.verdicts import Answer, Paragraph, ScenarioVerdict, listed
 from cogless.results import AnyResults, Run
 from cogless.results.trace import Array, Trace
 from cogless.study.metric import LAST_TRIAL
@@ -58,7 +58,7 @@ def _verdict_lines(results: SweepResults) -> list[str]:
     texts: list[str] = []
     for verdict in page.verdicts(results, SWEEP):
         texts.append(f"{verdict.scenario}: {verdict.headline}")
-        for part in verdict.told:
+        for part in verdict.paragraphs:
             texts.append(f"  {part.heading}")
             texts += [f"    {results.study.label(name)}: {text}" for name, text in part.sentences]
         texts += [f"  {line}" for line in verdict.details]
@@ -75,7 +75,7 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
     ]
     limited = [group for group in groups if group[0].within is not None]
     parts = [
-        Told(_heading(group[0].column), [(s.pair[1], _sentence(s)) for s in group])
+        Paragraph(_heading(group[0].column), [(s.pair[1], _sentence(s)) for s in group])
         for group in limited or groups
     ]
     if not parts:

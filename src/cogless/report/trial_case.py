@@ -40,7 +40,7 @@ class Case(Contest):
 
     study: TrialStudy
     scenario: str
-    about: Judged
+    metric: Judged
     phases: Sequence[Phase]
     runs: Mapping[str, Run]
     rms: Mapping[str, Array]  # in each trial, for the controllers for which it is known
@@ -48,14 +48,14 @@ class Case(Contest):
     @cached_property
     def counts(self) -> dict[str, list[float]]:
         """Trials until each controller reaches the floor, in each phase; empty without such a metric."""
-        floors = [result_name(metric) for metric in self.about.metrics if metric.kind == "trials-to-floor"]
+        floors = [result_name(metric) for metric in self.metric.metrics if metric.kind == "trials-to-floor"]
         by_controller = {c: run.metrics.get(name) for name in floors[:1] for c, run in self.runs.items()}
         return {c: values for c, values in by_controller.items() if isinstance(values, list)}
 
     @cached_property
     def final(self) -> dict[str, list[float]]:
         """Each controller's RMS over the second half of each phase, in the display unit."""
-        return {c: [settled(self.of(c, phase)) for phase in self.phases] for c in self.rms}
+        return {c: [settled(self.rms_of(c, phase)) for phase in self.phases] for c in self.rms}
 
     @cached_property
     def feedback(self) -> dict[str, list[float]]:
@@ -63,9 +63,9 @@ class Case(Contest):
         by_controller = {}
         for controller, run in self.runs.items():
             trace = run.feedback
-            if trace is not None and self.about.signal in trace:
-                rows = trace[self.about.signal].reshape(-1, self.study.samples(self.scenario))
-                of_trials = rms(rows) / self.about.scale
+            if trace is not None and self.metric.signal in trace:
+                rows = trace[self.metric.signal].reshape(-1, self.study.samples(self.scenario))
+                of_trials = rms(rows) / self.metric.scale
                 if len(of_trials) == len(self.phases):  # one of each
                     by_controller[controller] = [float(x) for x in of_trials]
                 else:
@@ -87,7 +87,7 @@ class Case(Contest):
         if controller not in self.final or controller not in self.feedback:
             return []
         ends = zip(self.phases, self.final[controller], self.feedback[controller], strict=True)
-        floor = self.about.floor or 0.0
+        floor = self.metric.floor or 0.0
         return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + EQUAL_DIFFERENCE) * end[2]]
 
     def longest_above_feedback(self, controller: str) -> tuple[int, tuple[int, float, float]]:
@@ -97,19 +97,19 @@ class Case(Contest):
         doesn't count.
         """
         longest, peak = 0, (0, 0.0, 0.0)
-        floor = self.about.floor or 0.0
+        floor = self.metric.floor or 0.0
         if controller not in self.rms or controller not in self.feedback:
             return longest, peak
         for phase, base in zip(self.phases, self.feedback[controller], strict=True):
             row: list[tuple[int, float, float]] = []
-            for trial, error in enumerate(self.of(controller, phase), start=phase.start):
+            for trial, error in enumerate(self.rms_of(controller, phase), start=phase.start):
                 within = error <= max(floor, (1 + EQUAL_DIFFERENCE) * base)
                 row = [] if within else [*row, (trial, float(error), base)]
                 if len(row) > longest:
                     longest, peak = len(row), max(row, key=lambda pair: pair[1])
         return longest, peak
 
-    def of(self, controller: str, phase: Phase) -> Array:
+    def rms_of(self, controller: str, phase: Phase) -> Array:
         """A controller's RMS in the trials of a phase."""
         return self.rms[controller][phase.start - 1 : phase.stop - 1]
 
@@ -137,7 +137,7 @@ class Case(Contest):
         by_controller: dict[str, tuple[Phase, float, float]] = {}
         for controller in self.rms:
             for phase in self.phases:
-                grown = self._grown(self.of(controller, phase))
+                grown = self._grown(self.rms_of(controller, phase))
                 if grown is not None:
                     by_controller.setdefault(controller, (phase, *grown))
         return by_controller
@@ -153,7 +153,7 @@ class Case(Contest):
             return None
         medians = [float(np.median(part)) for part in np.array_split(rms, QUARTER_COUNT)]
         low, last = min(medians), medians[-1]
-        least = max(RMS_ROUNDING * float(rms[0]), self.about.floor or 0.0)
+        least = max(RMS_ROUNDING * float(rms[0]), self.metric.floor or 0.0)
         return (low, last) if last > ERROR_GROWTH_RATIO * low and last > least else None
 
     @property
@@ -205,7 +205,7 @@ class Case(Contest):
 
     def text(self, value: float) -> str:
         """An RMS as text, with its unit."""
-        return self.about.text(value)
+        return self.metric.text(value)
 
     def worst_first(self, controller: str, other: str) -> tuple[float, Phase, str]:
         """The phase whose first-trial RMS is the largest multiple of another's: ratio, phase, both values."""
@@ -236,7 +236,7 @@ def case(results: TrialResults, runs: Sequence[Run]) -> Case | None:
     rms_values = {c: values for c, values in rms.items() if values is not None}
     by_name = {run.controller: run for run in runs}
     candidate = Case(
-        study=study, scenario=scenario, about=metric, phases=phases(described), runs=by_name, rms=rms_values
+        study=study, scenario=scenario, metric=metric, phases=phases(described), runs=by_name, rms=rms_values
     )
     return candidate if candidate.counts or candidate.rms else None
 
@@ -246,12 +246,12 @@ def outcome(results: TrialResults, runs: Sequence[Run]) -> Outcome | None:
     c = case(results, runs)
     if c is None or not c.final:
         return None
-    unit = f" ({c.about.unit})" if c.about.unit else ""
+    unit = f" ({c.metric.unit})" if c.metric.unit else ""
     where = " of the worst phase" if len(c.phases) > 1 else ""
     drive = c.study.plant is None
     quantity, heading = ("current", "current\n(A)") if drive else ("input", "input\n")
     note = (
-        f"RMS of the {c.about.quantity}{unit} and of the {quantity}. End: the second half of the "
+        f"RMS of the {c.metric.quantity}{unit} and of the {quantity}. End: the second half of the "
         f"trials{where}. Feedback alone: the same controller there without learning."
     )
     columns = ("trial 1", "end", "feedback\nalone", "learning\nleaves", heading, "trials at\nthe limit")
@@ -266,7 +266,7 @@ def own_lines(c: Case) -> list[Line]:
     alone = {name: c.feedback[name][c.worst_phase(name)] for name in c.final if name in c.feedback}
     limited = {name: float(count) for name, count in c.at_limit.items()}
     named = (
-        (f"{c.about.quantity} rms without learning {end}", "rms", c.about.unit, alone),
+        (f"{c.metric.quantity} rms without learning {end}", "rms", c.metric.unit, alone),
         (f"{quantity} rms {end}", "rms", unit, c.input_rms),
         (f"trials at the {quantity} limit, of {c.trials}", "trials-at-limit", "", limited),
     )

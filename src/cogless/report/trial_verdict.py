@@ -106,7 +106,7 @@ def _saturates(c: Case, best: str) -> str:
 def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     """The tone and the first sentence if a metric has a floor."""
     best, base = ranked[0], c.baseline
-    floor = f"the floor of {c.text(c.about.floor or 0.0)} RMS"
+    floor = f"the floor of {c.text(c.metric.floor or 0.0)} RMS"
     passing = any(len(c.never(name)) < len(c.phases) for name in ranked if name in c.counts)
     if len(c.never(best)) == len(c.phases):
         none = "No controller reaches" if len(ranked) > 1 else f"{c.label(best)} never reaches"
@@ -302,12 +302,12 @@ def _input(c: Case, best: str) -> str:
 
 def _leaves_floor(c: Case, name: str) -> str:
     """A sentence on a floor that was reached early in a phase but isn't kept; "" if there is none."""
-    if name not in c.counts or name not in c.final or c.about.floor is None or name in c.growing:
+    if name not in c.counts or name not in c.final or c.metric.floor is None or name in c.growing:
         return ""
     lost = [
         (rms, phase.after)
         for phase, n, rms in zip(c.phases, c.counts[name], c.final[name], strict=True)
-        if rms > (1 + EQUAL_DIFFERENCE) * c.about.floor and n <= (phase.stop - phase.start) / 2
+        if rms > (1 + EQUAL_DIFFERENCE) * c.metric.floor and n <= (phase.stop - phase.start) / 2
     ]
     if not lost:
         return ""

@@ -273,11 +273,11 @@ def answer(results: TrialResults, runs: Sequence[Run]) -> Answer | None:
     best, chosen = best_of(judged), first_and_last(worst_phase(judged))
     errors = [float(judged.rms[best][trial - 1]) for trial in chosen]
     figures = [
-        (best, f"trial {trial}", judged.about.text(x)) for trial, x in zip(chosen, errors, strict=True)
+        (best, f"trial {trial}", judged.metric.text(x)) for trial, x in zip(chosen, errors, strict=True)
     ]
     compared = len(errors) > 1 and math.isfinite(sum(errors))
     words = change_words(ratio(errors[-1], errors[0])) if compared else ""
-    return Answer(figures, words, f"RMS of the {judged.about.quantity}")
+    return Answer(figures, words, f"RMS of the {judged.metric.quantity}")
 
 
 def worst_phase(judged: Case) -> Phase:
@@ -297,11 +297,11 @@ def pictures(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]
     if judged is None:
         return []
     best, count = best_of(judged), judged.trials
-    run, signal, phase = judged.runs[best], judged.about.signal, worst_phase(judged)
-    chosen, error = first_and_last(phase), judged.about.quantity
+    run, signal, phase = judged.runs[best], judged.metric.signal, worst_phase(judged)
+    chosen, error = first_and_last(phase), judged.metric.quantity
     if len(run.trace) < 2 * count or len(run.trace) % count or signal not in run.trace:
         return []
-    trials, period = _of_trials(run, signal, count) / judged.about.scale, run.trace.period
+    trials, period = _of_trials(run, signal, count) / judged.metric.scale, run.trace.period
     step = thin(trials[0], TRIAL_POINTS)[1] * period
     return [
         {
@@ -309,7 +309,7 @@ def pictures(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]
             "x": "time in the trial (s)",
             "about": "s",
             "quantity": error,
-            "unit": judged.about.unit,
+            "unit": judged.metric.unit,
             "start": (step - period) / 2,
             "step": step,
             "series": [

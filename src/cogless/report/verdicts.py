@@ -16,7 +16,7 @@ TONES = ("worse", "even", "better")  # the worst first
 
 
 @dataclass(frozen=True)
-class Told:
+class Paragraph:
     """A fault's heading, and pairs of a controller and a sentence on its response."""
 
     heading: str
@@ -36,7 +36,7 @@ class ScenarioVerdict:
     tone: str
     headline: str
     details: Sequence[str]
-    told: Sequence[Told] = ()
+    paragraphs: Sequence[Paragraph] = ()
     cost: str = ""
 
 

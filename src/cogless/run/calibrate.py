@@ -57,7 +57,7 @@ class Residual:
     controller: str
     metric: str
     part: float | None  # the order, or the number of the trial or phase, from 1
-    wanted: float
+    target: float
     got: float
 
 
@@ -237,7 +237,7 @@ def _residuals(study: AnyStudy, metrics_of: dict[str, dict[str, Value]], jobs: i
                     controller=target.controller,
                     metric=target.metric,
                     part=part,
-                    wanted=target_value,
+                    target=target_value,
                     got=number,
                 )
             )
@@ -258,11 +258,11 @@ def _relative(study: AnyStudy, residuals: list[Residual]) -> list[float]:
     sizes: dict[tuple[str, str, str], float] = {}
     for r in residuals:
         place = (r.scenario, r.controller, r.metric)
-        sizes[place] = max(sizes.get(place, 0.0), abs(r.wanted))
+        sizes[place] = max(sizes.get(place, 0.0), abs(r.target))
     weights = {(t.scenario, t.controller, t.metric): t.weight for t in study.calibration.targets}
     return [
         weights[r.scenario, r.controller, r.metric]
-        * (r.got - r.wanted)
+        * (r.got - r.target)
         / (sizes[r.scenario, r.controller, r.metric] or 1.0)
         for r in residuals
     ]
@@ -274,8 +274,8 @@ def residual_rows(fit: Fit) -> list[tuple[str, str, str, str, str]]:
     for r in fit.residuals:
         metric = _metric(fit.study, r.scenario, r.metric)
         unit = metric.unit or metric.dimension.unit
-        expected, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
-        share = f"{100 * (r.got / r.wanted - 1):+.1f} %" if r.wanted else ""
+        expected, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.target, r.got))
+        share = f"{100 * (r.got / r.target - 1):+.1f} %" if r.target else ""
         name = r.metric if r.part is None else f"{r.metric} {r.part:g}"
         rows.append((f"{r.scenario}/{r.controller}", name, expected, got, share))
     return rows

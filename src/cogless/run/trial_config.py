@@ -147,7 +147,7 @@ def _each_trial(conditions: TrialConditions, states: int) -> dict[str, Any] | No
 def _linear_phase(
     study: TrialStudy, plant: LinearPlant, scenario: str, first: int, conditions: TrialConditions
 ) -> dict[str, Any]:
-    A, B = plant.at(conditions.override or {})
+    A, B = plant.matrices_at(conditions.override or {})
     if plant.model == "continuous":
         model = sampled(Model.from_arrays(A, B), plant.period, "exact")
         A, B = model.A.tolist(), model.B[:, 0].tolist()

@@ -430,7 +430,7 @@ class StudyBase(Table):
 
 
 SPOKEN = (ANGULAR_SPEED, ANGLE)
-TOLD_IN = ("scenario", "drive")  # tables whose units describe a run, unlike a motor's or a controller's
+UNIT_TABLES = ("scenario", "drive")  # tables whose units describe a run, unlike a motor's or a controller's
 
 
 def spoken_unit(study: StudyBase, dimension: Dimension) -> str:
@@ -442,7 +442,7 @@ def spoken_unit(study: StudyBase, dimension: Dimension) -> str:
     if dimension not in SPOKEN:
         return dimension.unit
     metrics = (m.unit for m in study.metric if m.unit and m.dimension == dimension)
-    texts = (unit_of(text) for room in TOLD_IN for text in _texts(study.source.tables.get(room)))
+    texts = (unit_of(text) for room in UNIT_TABLES for text in _texts(study.source.tables.get(room)))
     return next(metrics, None) or next((u for u in texts if u and _fits(u, dimension)), dimension.unit)
 
 

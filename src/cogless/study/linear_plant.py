@@ -173,7 +173,7 @@ class LinearPlant(Table):
         if self.A is not None and self.B is not None:
             self._check_shape(self.A, self.B)
             self._check_names()
-            self.at({})
+            self.matrices_at({})
         for index, vertex in enumerate(self.vertex):
             self._check_shape(vertex.A, vertex.B, "vertex", index)
         if self.vertex and self.parameter:
@@ -210,7 +210,7 @@ class LinearPlant(Table):
         """All signals of the plant in trials; they have no unit."""
         return linear_signals(len(self.C))
 
-    def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
+    def matrices_at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         """A and B for these parameter values; parameters that are left out are nominal.
 
         For a plant of vertices: those of vertex number parameters["vertex"], from 1, else the mean of all.

@@ -455,7 +455,7 @@ def _of_each(scenarios: Iterable[str], make: Callable[[str], Made]) -> dict[str,
         try:
             by_scenario[name] = make(name)
         except StudyError as error:
-            lines += str(error).splitlines()
+            lines += error.mistakes
     if lines:
         raise study_error(lines)
     return by_scenario

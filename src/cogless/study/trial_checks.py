@@ -55,7 +55,7 @@ def corners(study: TrialStudy) -> None:
         raise invalid(f"expected at most {MOST_RANGES} parameters with a range", "plant", "parameter")
     for corner in product(*ends.values()):
         try:
-            study.plant.at(dict(zip(ends, corner, strict=True)))
+            study.plant.matrices_at(dict(zip(ends, corner, strict=True)))
         except PydanticCustomError as error:
             key = (error.context or {}).get("key", ())
             raise invalid(error.message(), "plant", *key) from None
@@ -155,7 +155,7 @@ def _start(study: TrialStudy, scenario: str, phase: TrialConditions, where: tupl
     """
     if study.plant is not None:
         try:
-            study.plant.at(phase.override or {})
+            study.plant.matrices_at(phase.override or {})
         except PydanticCustomError as error:
             raise invalid(error.message(), *where, "override") from None
     else:

@@ -83,7 +83,7 @@ class PositionReference(Table):
             raise invalid("expected one or more points, each later than the one before", "points")
         return self
 
-    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def values_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The reference at these times (s), in rad or in the unit of y."""
         import numpy as np
 
@@ -299,7 +299,9 @@ class TrialStudy(StudyBase):
         import numpy as np
 
         assert conditions.reference is not None
-        return conditions.reference.at(self.period * np.arange(self.samples(scenario), dtype=np.float64))
+        return conditions.reference.values_at(
+            self.period * np.arange(self.samples(scenario), dtype=np.float64)
+        )
 
     def top_speed(self, scenario: str) -> float:
         """Largest magnitude of speed in a drive's references and initial conditions, rad/s."""

@@ -550,7 +550,7 @@ class HarmonicRules(FeedbackRules[Harmonic]):
         try:
             learner(self.study, self.name)
         except StudyError as error:  # such as a motor that doesn't tell its slots
-            return str(error).partition(": ")[2]
+            return error.text_without(self.study.source.path)
         return None
 
     def certificate(self) -> Certificate:

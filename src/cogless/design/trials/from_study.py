@@ -238,7 +238,7 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
 def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialConditions) -> Model:
     """The plant of a phase, exactly sampled; of a drive as its law sees it."""
     if study.plant is not None:
-        A, B = study.plant.at(conditions.override or {})
+        A, B = study.plant.matrices_at(conditions.override or {})
         if study.plant.model == "discrete":
             return Model.from_arrays(A, B)
     else:
@@ -459,7 +459,7 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
     ranges = {name: p.range for name, p in plant.parameter.items() if p.range is not None}
     nominal = {name: plant.parameter[name].nominal for name in ranges}
     how = _inequalities(study) if plant.model == "continuous" else None
-    return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
+    return from_parameters(plant.matrices_at, ranges, plant.C, plant.period, how, nominal)
 
 
 def _inequalities(study: TrialStudy) -> Discretisation:
@@ -504,7 +504,7 @@ def _as_study_error(study: TrialStudy, scenario: str = "", controller: str = "")
 
 def _study_error(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
     """The StudyError for a DesignError, with the file and the study's own key."""
-    text, key = str(error).removeprefix(f"{error.key}: "), _key(error.key, study, scenario, controller)
+    text, key = error.text_without(error.key), _key(error.key, study, scenario, controller)
     cures = (_changes(cure, study, scenario, controller) for cure in error.cures)
     return StudyError(f"{study.source.path}: {key}: {text}").advising(*cures)
 

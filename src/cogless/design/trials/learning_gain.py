@@ -95,7 +95,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         rows.append(Vertex.of_loop(mixture, r).entries)
     hull = enclose(np.array([corner.entries for corner in corners]), np.array(rows))
     if hull.exact:
-        return [corners[k] for k in hull.kept], True, ""
+        return [corners[k] for k in hull.corner_indices], True, ""
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
     note = f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "

@@ -86,7 +86,7 @@ class Enclosure:
     """A polytope of M vertices (M, m); `exact` if it is the corners' hull and that contains all samples."""
 
     vertices: Real
-    kept: tuple[int, ...]  # indices of the corners that are vertices; empty if not exact
+    corner_indices: tuple[int, ...]  # indices of the corners that are vertices; empty if not exact
     exact: bool
     outside: float  # how far samples lie outside the hull of the corners, as a share of its size
 
@@ -471,8 +471,9 @@ def _plant(
         hull = enclose(np.array([m.entries for m in designs]), samples)
         exact_hull = hull.exact
         if hull.exact:
-            designs, labels = [designs[k] for k in hull.kept], [labels[k] for k in hull.kept]
-            exacts = exacts and [exacts[k] for k in hull.kept]
+            designs = [designs[k] for k in hull.corner_indices]
+            labels = [labels[k] for k in hull.corner_indices]
+            exacts = exacts and [exacts[k] for k in hull.corner_indices]
         else:
             designs = [Model.from_entries(row, centre.order) for row in hull.vertices]
             labels = [f"vertex {k + 1} of the bounding polytope" for k in range(len(designs))]

@@ -36,7 +36,7 @@ class Stretch:
     `sum`: FNV-1a checksum of all outputs.
     """
 
-    about: str
+    title: str
     periods: int
     counts: int  # the angle at its first period
     step: int
@@ -86,7 +86,7 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
             total = fnv(layout.bits("cgl_drive_output", out), total)
         stretches.append(
             Stretch(
-                about=title, periods=periods, counts=counts % ANGLE_COUNTS, step=step, inputs=words, sum=total
+                title=title, periods=periods, counts=counts % ANGLE_COUNTS, step=step, inputs=words, sum=total
             )
         )
         counts += periods * step
@@ -365,7 +365,7 @@ def _memory(subject: Subject, recording: Recording, memory: Reals) -> dict[str, 
 
 def _stretch(s: Stretch) -> str:
     inputs = ", ".join(map(_hex, s.inputs))
-    return f"    /* {s.about} */\n    {{{s.periods}U, {s.counts}U, {s.step}U, {{{inputs}}}, {s.sum}U}},"
+    return f"    /* {s.title} */\n    {{{s.periods}U, {s.counts}U, {s.step}U, {{{inputs}}}, {s.sum}U}},"
 
 
 def _word(leaf: Leaf) -> str:

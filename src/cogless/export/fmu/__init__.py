@@ -164,7 +164,7 @@ def _fmus(unit: Unit) -> Iterator[tuple[str, dict[str, bytes]]]:
             description = xml.Description(
                 identifier=unit.identifier,
                 name=unit.name,
-                about=unit.about,
+                summary=unit.description,
                 tool=f"cogless {versions()['cogless']}",
                 token=token,
                 rate=unit.rate,

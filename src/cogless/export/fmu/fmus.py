@@ -62,7 +62,7 @@ def controller_unit(run: Prepared) -> Unit:
     files["controller_variables.h"] = _variables_h(run, subject, variables)
     return Unit(
         name=f"{run.controller}-controller",
-        about=f"{run.study.title}: the controller {run.controller}",
+        description=f"{run.study.title}: the controller {run.controller}",
         language="C",
         rate=round(run.rate),
         stop_time=run.duration,
@@ -214,7 +214,7 @@ def drive_unit(run: Prepared) -> Unit:
     sources["description.cpp"] = description_cpp(run.description, memory.tolist() if memory.any() else [])
     return Unit(
         name=f"{run.controller}-drive",
-        about=f"{run.study.title}: the drive with {run.controller} in {run.scenario}",
+        description=f"{run.study.title}: the drive with {run.controller} in {run.scenario}",
         language="C++",
         rate=round(run.rate),
         stop_time=run.duration,

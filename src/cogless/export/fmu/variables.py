@@ -35,7 +35,7 @@ class Variable:
     name: str
     kind: Kind
     causality: Causality
-    about: str
+    description: str
     unit: str = ""
     start: float = 0.0
 
@@ -60,13 +60,15 @@ TIME_VARIABLE = Variable("time", "real", "independent", "time since the start of
 
 
 def real(causality: Causality, name: str, unit: str, description: str, start: float = 0.0) -> Variable:
-    return Variable(name=name, kind="real", causality=causality, about=description, unit=unit, start=start)
+    return Variable(
+        name=name, kind="real", causality=causality, description=description, unit=unit, start=start
+    )
 
 
 def signal(name: str, unit: str) -> Variable:
     """A recorded signal as an output."""
     kind: Kind = "integer" if name in INTEGERS else "real"
-    description = RECORDED[name].about if name in RECORDED else TERM_CAUSALITY
+    description = RECORDED[name].meaning if name in RECORDED else TERM_CAUSALITY
     return Variable(name, kind, "output", description, unit)
 
 
@@ -201,7 +203,7 @@ class Unit:
     """A model as an FMU: its variables and its own sources. `rate` in 1/s, `stop_time` in s."""
 
     name: str
-    about: str
+    description: str
     language: Literal["C", "C++"]
     rate: int
     stop_time: float

@@ -32,7 +32,7 @@ class Description:
 
     identifier: str
     name: str
-    about: str
+    summary: str
     tool: str
     token: str
     rate: int
@@ -112,7 +112,7 @@ def _root(description: Description, version: str, **token: str) -> Element:
         "fmiVersion": version,
         "modelName": description.name,
         **token,
-        "description": description.about,
+        "description": description.summary,
         "generationTool": description.tool,
         "variableNamingConvention": "structured",
     }
@@ -134,7 +134,7 @@ def _shared(root: Element, description: Description) -> None:
 
 
 def _role(variable: Variable) -> dict[str, str]:
-    role = {"causality": variable.causality, "description": variable.about}
+    role = {"causality": variable.causality, "description": variable.description}
     if variable.causality == "parameter":
         role["variability"] = "fixed"
     else:

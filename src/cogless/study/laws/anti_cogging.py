@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from cogless.study.drive import TRACE_ROWS_MOST
-from cogless.study.laws.law import MOST_CELLS, Commissioning, Feedback, LawLoop, Startable, StudyOfLaws
+from cogless.study.laws.law import MAP_CELLS_MOST, Commissioning, Feedback, LawLoop, Startable, StudyOfLaws
 from cogless.study.table import StartTime, invalid
 
 NOT_FILLED = (
@@ -24,7 +24,7 @@ class AntiCogging(Feedback, Startable):
 
     law: Literal["anti-cogging"]
     """PI and an anti-cogging table."""
-    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720
+    cells: Annotated[int, Field(ge=4, le=MAP_CELLS_MOST)] = 720
     """Entries of the table over a mechanical revolution."""
     lead: StartTime = 0.0  # s
     """The table is looked up at the angle that the rotor will have after this time. This compensates the

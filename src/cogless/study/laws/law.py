@@ -473,7 +473,7 @@ class Feedback(Base):
         return {"kp": self.kp, "ki": self.ki, "limit": loop.current_limit}
 
 
-MOST_CELLS = 65_535
+MAP_CELLS_MOST = 65_535
 LINE_SAMPLES_MOST = 1 << 24  # a delay line is not longer
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
@@ -482,8 +482,8 @@ Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
 def check_cells(cells: int, q_half_width: int, line: bool) -> None:
     """Check that a memory isn't too large and is longer than its Q filter. `line`: a delay line, else a
     map."""
-    if not line and cells > MOST_CELLS:
-        raise invalid(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
+    if not line and cells > MAP_CELLS_MOST:
+        raise invalid(f"expected at most {MAP_CELLS_MOST}, since the memory is a map", "cells")
     if 2 * q_half_width + 2 > cells:
         raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
 
