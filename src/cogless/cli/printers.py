@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import json
 import math
 import shlex
 from pathlib import Path
@@ -68,8 +69,14 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
     for line in correction_lines(correction):
         print_text(line, others="  ")
     print(f"\nCorrection: {output / CORRECTION_FILE}")
+    print(f"For a study's law microstepping: {study_line(output / CORRECTION_FILE)}")
     target = "prusa" if adapter.write_correction is not None else "tmc5160"
     print(f"Next: {program()} {shlex.join(['table', str(output), '--to', target])} -o FILE")
+
+
+def study_line(path: Path) -> str:
+    """The line by which a controller of any study, in whatever folder, takes the correction of a file."""
+    return f"correction = {{ file = {json.dumps(str(path.resolve()), ensure_ascii=False)} }}"
 
 
 def correction_lines(correction: Correction) -> list[str]:
