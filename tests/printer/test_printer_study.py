@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import cogless
 from printer.printer_bench import FILE, SIGNS, ramp_records, write_klipper_logs
 from printer.printer_plant import closed_form, study_axes
 
@@ -132,3 +133,31 @@ def test_the_guide_s_figures_are_the_study_s(identified: Identified) -> None:
         figures = [1e-6 * float(cell) for cell in row[1].split("|")]
         # The page shows two digits.
         assert figures == pytest.approx([ripple[scenario, controller] for scenario in SCENARIOS], rel=0.06)
+
+
+@pytest.mark.parametrize(("current", "share"), [("0.6 A", 0.25), ("1 A", 0.25), ("1.2 A", 0.5)])
+def test_the_ripple_at_another_current_is_what_the_warning_says(
+    current: str, share: float, identified: Identified, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """The shipped correction and the identified one, in rms over the scenarios."""
+    changes = {f"controller.{name}.current": current for name in ("plain", "table")}
+    words = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]
+    for table in ({}, {"controller.table.correction": {"file": str(identified.file)}}):
+        study = load("printer", {**changes, **table})
+        ripple = {
+            name: [simulate(study, scenario, name).metrics["carriage_ripple_m"] for scenario in SCENARIOS]
+            for name in ("plain", "table")
+        }
+        left = np.linalg.norm(ripple["table"]) / np.linalg.norm(ripple["plain"])
+        assert left == pytest.approx(share, abs=0.05)
+        if table:
+            words += ["--set", f"controller.table.correction={{ file = '{identified.file}' }}"]
+        line = (
+            f"controller.table: the correction is for 0.8 A rms: at {current} it leaves about {share:.0%} of "
+            "the ripple."
+        )
+        only = ["--only", "20-mm-s/*", "-o", tmp_path / "run"]
+        code, _, err = cogless(capsys, "run", "printer", *words, *only)
+        assert (code, " ".join(err.split())) == (0, f"Warning: {line}")
+        code, out, _ = cogless(capsys, "design", "printer", *words)
+        assert code == 0 and line in " ".join(out.split())

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from cogless.printer.corrections import Correction
     from cogless.units import Dimension
 
-OTHER_CURRENT = 0.05  # share of the correction that is wrong at another current
-
 
 def printer_adapter(drive: str | None) -> Adapter | None:
     """The printer's firmware that `--drive` names. None: it names a drive with a sensor, or is not given."""
@@ -108,6 +106,7 @@ def write_correction(adapter: Adapter, source: Path, current: str | None, output
     from cogless import units
     from cogless.files import replacing
     from cogless.printer.corrections import read_correction
+    from cogless.study.laws.microstepping import wrong_current
 
     assert adapter.write_correction is not None
     correction = read_correction(source)
@@ -120,12 +119,9 @@ def write_correction(adapter: Adapter, source: Path, current: str | None, output
         print_text(line, others="  ")
     if current is not None:
         other = _quantity("--current", current, units.CURRENT)
-        share = correction.share_at(other)
-        if share > OTHER_CURRENT:
-            warn(
-                f"the correction is for {correction.current:.4g} A rms: at {other:.4g} A up to "
-                f"{share:.0%} of it is wrong; record the runs at that current"
-            )
+        text = wrong_current(correction.current, other)
+        if text:
+            warn(f"{text}; record the runs at that current")
     file = str(output) if output is not None else "FILE"
     print(f"Current: {correction.current:.4g} A rms; another needs runs of its own.")
     print(f"Install: {written.install.replace('FILE', file)}")
