@@ -175,8 +175,9 @@ def check_pace(run: Run, start: float, move: Move, wavelength: float) -> None:
                 best, best_energy = pace, energy
     if best_energy > own_energy:
         raise StudyError(
-            f"{run.name}: the move is about {best:.2f} times as fast as {1e3 * move.length:.4g} mm with up "
-            f"to {1e3 * move.top_speed:.4g} mm/s: expected the file that --plan had, and a clock that is right"
+            f"{run.name}: the move is about {best:.2f} times as fast as {1e3 * move.length:.4g} mm with "
+            f"up to {1e3 * move.top_speed:.4g} mm/s: expected the file that --plan had, and a clock that "
+            "is right"
         )
 
 
