@@ -71,6 +71,28 @@ def random_axes(count: int, seed: int) -> Axes:
     )
 
 
+def study_axes(count: int) -> Axes:
+    """The axis of the study `printer`, so many times side by side."""
+    stiffness = 0.5 * (TURN * 75) ** 2
+    values = {
+        "offset_a": 10e-3 / 1.025,
+        "offset_b": -8e-3,
+        "gain": 1 / 1.025 - 1,
+        "quadrature": 0.0,
+        "detent": 6e-3,
+        "detent_phase": 0.0,
+        "third": 0.0,
+        "belt": stiffness,
+        "damping": 2 * 0.04 * np.sqrt(stiffness * 0.5),
+        "mass": 0.5,
+        "rail": 2.0,
+        "rotor_friction": 5e-3,
+        "viscous": 2e-4,
+        "current": 0.8 * np.sqrt(2),
+    }
+    return Axes(**{name: np.full(count, value) for name, value in values.items()})
+
+
 def closed_form(axes: Axes, direction: int, speed: float = 0.0) -> dict[int, np.ndarray]:
     """psi by order: the rotor's electrical angle is u + sum Im(psi exp(j n u)) - delta."""
     friction = axes.rail * axes.radius + axes.rotor_friction + axes.viscous * speed / axes.radius

@@ -127,7 +127,7 @@ def test_a_wave_table_holds_a_tenth_of_a_radian_to_a_thousandth(size: float) -> 
 def test_another_current_is_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = correction_file(tmp_path / "a")
     code, _, err = cogless(capsys, "table", source, "--to", "prusa", "--current", "1 A")
-    assert code == 0 and "for 0.8 A rms: at 1 A up to 20% of it is wrong" in err
+    assert code == 0 and "for 0.8 A rms: at 1 A it leaves about 25% of the ripple" in err
     assert cogless(capsys, "table", source, "--to", "prusa", "--current", "0.8 A")[2] == ""
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "printer"))
-from printer_plant import Axes, closed_form, ripple_rms
+from printer_plant import closed_form, ripple_rms, study_axes
 
 from cogless.results.trace import Trace
 from cogless.run.simulate import simulate
@@ -71,28 +71,6 @@ def test_a_rotor_swings_on_its_magnetic_spring() -> None:
     assert frequency == pytest.approx(math.sqrt(TEETH * HOLDING / INERTIA) / math.tau, rel=0.01)
 
 
-def axes(speeds: int) -> Axes:
-    """The study's axis as the independent plant has it, for so many speeds side by side."""
-    stiffness = 0.5 * (math.tau * 75) ** 2
-    values = {
-        "offset_a": 10e-3 / 1.025,
-        "offset_b": -8e-3,
-        "gain": 1 / 1.025 - 1,
-        "quadrature": 0.0,
-        "detent": 6e-3,
-        "detent_phase": 0.0,
-        "third": 0.0,
-        "belt": stiffness,
-        "damping": 2 * 0.04 * math.sqrt(stiffness * 0.5),
-        "mass": 0.5,
-        "rail": 2.0,
-        "rotor_friction": 5e-3,
-        "viscous": 2e-4,
-        "current": CURRENT,
-    }
-    return Axes(**{name: np.full(speeds, value) for name, value in values.items()})
-
-
 def test_slow_orders_are_those_of_the_closed_form() -> None:
     """Of the rotor's electrical angle less the command's, within 0.003 rad, in both directions."""
     for direction in (1, -1):
@@ -110,7 +88,7 @@ def test_slow_orders_are_those_of_the_closed_form() -> None:
         off = TEETH * slow["theta_m"][rows] - u
         whole = u[:-1]
         assert abs(u[-1] - u[0]) == pytest.approx(math.tau, rel=1e-6)
-        plant = axes(1)
+        plant = study_axes(1)
         plant.viscous[:] = 0.02
         expected = closed_form(plant, direction, RADIUS * math.tau / 60)
         for order, psi in expected.items():
@@ -124,7 +102,7 @@ def test_a_carriage_s_ripple_is_that_of_an_independent_plant(scenario: str, spee
     height is a matter of how friction is smoothed."""
     study = load("printer", {**FAST, f"scenario.{scenario}.duration": "1.5 s", "metric.0.last": "0.6 s"})
     ripple = simulate(study, scenario, "plain").metrics["carriage_ripple_m"]
-    expected = ripple_rms(axes(1), np.array([speed]), {}, settle=0.9, length=0.6)
+    expected = ripple_rms(study_axes(1), np.array([speed]), {}, settle=0.9, length=0.6)
     assert ripple == pytest.approx(float(expected[0]), rel=0.02)
 
 
@@ -142,7 +120,7 @@ def test_the_study_s_correction_takes_the_ripple_out(scenario: str, times: float
 def test_the_study_s_table_is_that_of_the_closed_form() -> None:
     law: Any = load("printer").controller["table"]
     for direction, sign in (("forward", 1), ("backward", -1)):
-        expected = closed_form(axes(1), sign, 0.05)
+        expected = closed_form(study_axes(1), sign, 0.05)
         for wave in getattr(law.correction, direction):
             c = cmath.rect(wave.magnitude, wave.phase)
             assert abs(c + complex(expected[wave.order][0])) < 1e-4

@@ -65,6 +65,7 @@ def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
     assert (wave := study.controller["table"].correction.forward[0]).order == 4
     assert (wave.magnitude, wave.phase) == pytest.approx((0.02, math.pi / 2))
     assert changed(study, {f"{PATH}.current": "0.5 A"}).controller["table"].correction.backward[0].phase < 0
+    assert changed(study, {f"{PATH}.current": "0.5 A"}).controller["table"].correction.current == 0.8
     config = engine_config(study, "20-mm-s", "table")["controller"]["config"]
     assert control_layout("double").decode("cgl_microstepping_config", config)["forward"][0]["order"] == 4
 
@@ -76,10 +77,17 @@ def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
         ("[]", {}, "expected the correction.json that cogless identify writes"),
         ('{"forward": [{"order": 1}], "backward": []}', {}, "expected the correction.json that"),
         (
-            '{"forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], "backward": []}',
+            '{"current_A_rms": 0.8, "forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], '
+            '"backward": []}',
             {},
             "expected order times magnitude below 1 rad together, not 1.2 rad",
         ),
+        (
+            '{"current_A_rms": 0, "forward": [], "backward": []}',
+            {},
+            "expected the correction.json that cogless identify writes",
+        ),
+        ("{}", {"current": "1 A"}, 'current: "1 A": expected none, since the file has its own'),
         ("{}", {"forward": [{"order": 1, "magnitude": 0.1}]}, "expected none, since forward or backward"),
     ],
 )

@@ -17,7 +17,7 @@ from pydantic.fields import FieldInfo
 import cogless.study
 from cogless.ensemble.arena_file import GivenFeedback
 from cogless.study.laws.law import Base, Commissioning, Tuning
-from cogless.study.laws.microstepping import Wave
+from cogless.study.laws.microstepping import AngleCorrection, Wave
 from cogless.study.laws.trial import SignalFilter
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import EitherWay
@@ -211,7 +211,8 @@ def test_a_number_is_in_si_in_a_controller_s_table_and_needs_a_unit_elsewhere(
 ) -> None:
     """In trials both are right, since their plant may be a drive, with units, or one without."""
     for table, model in shipped.items():
-        si = issubclass(model, (Base, Commissioning, GivenFeedback, SignalFilter, Tuning, Wave))
+        of_controllers = (AngleCorrection, Base, Commissioning, GivenFeedback, SignalFilter, Tuning, Wave)
+        si = issubclass(model, of_controllers)
         for name, field in model.model_fields.items():
             for each in marks(field.annotation, field.metadata):
                 if isinstance(each, Quantity):

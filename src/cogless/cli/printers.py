@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import json
 import math
 import shlex
 from pathlib import Path
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from cogless.drives.adapter import Adapter
     from cogless.printer.corrections import Correction
     from cogless.units import Dimension
-
-OTHER_CURRENT = 0.05  # share of the correction that is wrong at another current
 
 
 def printer_adapter(drive: str | None) -> Adapter | None:
@@ -68,8 +67,14 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
     for line in correction_lines(correction):
         print_text(line, others="  ")
     print(f"\nCorrection: {output / CORRECTION_FILE}")
+    print(f"For a study's law microstepping: {study_line(output / CORRECTION_FILE)}")
     target = "prusa" if adapter.write_correction is not None else "tmc5160"
     print(f"Next: {program()} {shlex.join(['table', str(output), '--to', target])} -o FILE")
+
+
+def study_line(path: Path) -> str:
+    """The line by which a controller of any study, in whatever folder, takes the correction of a file."""
+    return f"correction = {{ file = {json.dumps(str(path.resolve()), ensure_ascii=False)} }}"
 
 
 def correction_lines(correction: Correction) -> list[str]:
@@ -101,6 +106,7 @@ def write_correction(adapter: Adapter, source: Path, current: str | None, output
     from cogless import units
     from cogless.files import replacing
     from cogless.printer.corrections import read_correction
+    from cogless.study.laws.microstepping import wrong_current
 
     assert adapter.write_correction is not None
     correction = read_correction(source)
@@ -113,12 +119,9 @@ def write_correction(adapter: Adapter, source: Path, current: str | None, output
         print_text(line, others="  ")
     if current is not None:
         other = _quantity("--current", current, units.CURRENT)
-        share = correction.share_at(other)
-        if share > OTHER_CURRENT:
-            warn(
-                f"the correction is for {correction.current:.4g} A rms: at {other:.4g} A up to "
-                f"{share:.0%} of it is wrong; record the runs at that current"
-            )
+        text = wrong_current(correction.current, other)
+        if text:
+            warn(f"{text}; record the runs at that current")
     file = str(output) if output is not None else "FILE"
     print(f"Current: {correction.current:.4g} A rms; another needs runs of its own.")
     print(f"Install: {written.install.replace('FILE', file)}")

@@ -131,13 +131,6 @@ class Correction:
         error = math.hypot(*(entry.error / abs(entry.value) for entry in (forward, backward))) / ends
         return Friction(angle, error, None if self.torque is None else self.torque * angle)
 
-    def share_at(self, current: float) -> float:
-        """How much of the correction is wrong at another current, if offsets and detent make all of it.
-
-        Both are a torque or a current of their own, so that their angles go with one over the current.
-        """
-        return abs(self.current / current - 1)
-
     def to_json(self) -> str:
         tables = {
             name: [

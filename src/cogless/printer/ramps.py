@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,6 +39,11 @@ LAG_MOST = 16e-3  # s, by which that may miss from log to log
 LAG_COARSE = 1e-4  # s
 LAG_FINE = 2e-5  # s
 MOVE_SHARE_LEAST = 0.25  # of a log's energy that the motor's orders have, or it is another move
+# How much faster or slower a move is looked for, and the grid of its start, s. Far away a coarse one will do.
+PACES = {
+    **dict.fromkeys((1.02, 1.04, 1.07, 1.1), START_GRID),
+    **dict.fromkeys((1.15, 1.21, 1.28, 1.36, 1.45, 1.55, 1.66, 1.78, 1.9, 2.02), 2 * START_GRID),
+}
 MODE_WIDTH = 3.0  # Hz
 MODE_LEAST = 15.0  # Hz
 MODE_HEIGHT = 6.0  # over the median of the rest's power
@@ -68,9 +74,11 @@ class Blocks:
     share: float
 
 
-def block_edges(move: Move, wavelength: float) -> list[tuple[float, float]]:
+@lru_cache(maxsize=len(PACES))
+def block_edges(move: Move, wavelength: float) -> tuple[tuple[float, float], ...]:
     """Times since the start of the move between which a block lies, s; up first, then down."""
-    edges, t = [], SPEED_LEAST / move.acceleration
+    edges: list[tuple[float, float]] = []
+    t = SPEED_LEAST / move.acceleration
     while t < move.ramp_time:
         speed = move.acceleration * t
         needed = BLOCK_TURNS * wavelength
@@ -80,7 +88,7 @@ def block_edges(move: Move, wavelength: float) -> list[tuple[float, float]]:
             break
         edges.append((t, end))
         t = end
-    return [*edges, *((move.duration - end, move.duration - t) for t, end in reversed(edges))]
+    return (*edges, *((move.duration - end, move.duration - t) for t, end in reversed(edges)))
 
 
 def blocks(run: Run, start: float, move: Move, wavelength: float, modes: tuple[float, ...] = ()) -> Blocks:
@@ -137,6 +145,42 @@ def matched_energy(run: Run, start: float, move: Move, wavelength: float) -> flo
     return energy
 
 
+def coarse_start(run: Run, move: Move, wavelength: float, grid: float = START_GRID) -> tuple[float, float]:
+    """The time of the log at which the move begins, s, within `grid`, and the orders' energy there.
+
+    The energy is zero if the log is shorter than the move.
+    """
+    first, last = float(run.times[0]), float(run.times[-1]) - move.duration
+    if last < first:
+        return first, 0.0
+    starts = np.arange(first, last + grid, grid)
+    energies = [matched_energy(run, float(start), move, wavelength) for start in starts]
+    k = int(np.argmax(energies))
+    return float(starts[k]), energies[k]
+
+
+def check_pace(run: Run, start: float, move: Move, wavelength: float) -> None:
+    """StudyError: the log has a faster or slower move than this, which seemed to begin at `start`.
+
+    A ramp of another speed, a way of another length and a clock that is off all change how fast the orders
+    sweep. Their energy is then larger for a move of another pace.
+    """
+    own_energy = matched_energy(run, start, move, wavelength)
+    best, best_energy = 1.0, own_energy
+    for step, grid in PACES.items():
+        for pace in (1 / step, step):
+            other = Move(move.length, pace * move.speed, pace**2 * move.acceleration)
+            _, energy = coarse_start(run, other, wavelength, grid)
+            if energy > best_energy:
+                best, best_energy = pace, energy
+    if best_energy > own_energy:
+        raise StudyError(
+            f"{run.name}: the move is about {best:.2f} times as fast as {1e3 * move.length:.4g} mm with "
+            f"up to {1e3 * move.top_speed:.4g} mm/s: expected the file that --plan had, and a clock that "
+            "is right"
+        )
+
+
 def find_start(run: Run, move: Move, wavelength: float) -> float:
     """The time of the log at which the move begins: where the orders take most of its energy.
 
@@ -145,15 +189,13 @@ def find_start(run: Run, move: Move, wavelength: float) -> float:
 
     StudyError: the log is shorter than the move, or has not the move's orders.
     """
-    first, last = float(run.times[0]), float(run.times[-1]) - move.duration
-    if last < first:
+    first = float(run.times[0])
+    if run.times[-1] - first < move.duration:
         raise StudyError(
             f"{run.name}: {run.times[-1] - first:.3g} s long: expected the whole move of "
             f"{move.duration:.3g} s, as --plan writes it"
         )
-
-    starts = np.arange(first, last + START_GRID, START_GRID)
-    start = float(starts[np.argmax([matched_energy(run, float(s), move, wavelength) for s in starts])])
+    start, _ = coarse_start(run, move, wavelength)
     for step, count in ((START_GRID, 6), (START_GRID / 4, 4), (START_GRID / 16, 4)):
         starts = start + step * np.arange(-count, count + 1)
         fits = [blocks(run, float(s), move, wavelength) for s in starts]
@@ -353,6 +395,8 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
     remarks: list[str] = []
     for run, other in runs:
         start = find_start(run, move, wavelength)
+        if run is runs[0][0]:
+            check_pace(run, start, move, wavelength)
         modes = ringing_modes(run, start, move, wavelength)
         remarks = remarks or other_causes(axis, run, start, modes)
         plain = blocks(run, start, move, wavelength, modes)

@@ -19,6 +19,7 @@ from cogless.study.table import File, Many, Quantity, Table, invalid
 
 CORRECTION_WAVES_MOST = whole_number("CGL_MICROSTEPPING_WAVES")
 MICROSTEPS_MOST = whole_number("CGL_MICROSTEPS_MAX")
+RIPPLE_LEFT_MOST = 0.05  # share of the ripple that a correction may leave because its current is another
 CORRECTED_DIRECTIONS: tuple[Literal["forward", "backward"], ...] = ("forward", "backward")
 
 
@@ -36,6 +37,21 @@ class Wave(Table):
 Waves = Annotated[Many[Wave], Field(max_length=CORRECTION_WAVES_MOST)]
 
 
+def wrong_current(own: float, other: float) -> str:
+    """A warning that a correction for the current `own` is used at another, A rms; "": that does no harm.
+
+    Offsets of the coils and the detent turn the rotor by an angle that goes with one over the current. If
+    they make all of the ripple, it is own / other times what the correction takes out, so that a share of
+    |other / own - 1| is left.
+    """
+    share = abs(other / own - 1)
+    if share <= RIPPLE_LEFT_MOST:
+        return ""
+    return (
+        f"the correction is for {own:.4g} A rms: at {other:.4g} A it leaves about {share:.0%} of the ripple"
+    )
+
+
 class AngleCorrection(Table):
     """What is added to the commanded electrical angle, for each direction."""
 
@@ -44,8 +60,11 @@ class AngleCorrection(Table):
     backward: Waves = ()
     """Waves at negative speed, at most 8."""
 
+    current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)] | None = None  # A rms
+    """Current of each coil, rms, that the correction is for. A law with another `current` gets a warning."""
+
     file: File | None = None
-    """The `correction.json` that `cogless identify` wrote for a printer, in place of both."""
+    """The `correction.json` that `cogless identify` wrote for a printer, in place of these three."""
 
     @model_validator(mode="after")
     def _rises(self, info: ValidationInfo) -> AngleCorrection:
@@ -54,9 +73,11 @@ class AngleCorrection(Table):
             return self
         if self.forward or self.backward:
             raise invalid("expected none, since forward or backward is given", "file")
+        if self.current is not None:
+            raise invalid("expected none, since the file has its own", "current", value=self.current)
         if not info.context:
             return self
-        correction = self.model_copy(update=_waves_of_file(info.context["folder"] / self.file))
+        correction = self.model_copy(update=_tables_of_file(info.context["folder"] / self.file))
         correction._check("file")
         return correction
 
@@ -69,14 +90,18 @@ class AngleCorrection(Table):
                 raise invalid(expected, key or direction)
 
 
-def _waves_of_file(path: Path) -> dict[str, tuple[Wave, ...]]:
-    """The waves of both directions in a file of `cogless identify`."""
+def _tables_of_file(path: Path) -> dict[str, Any]:
+    """The current and the waves of both directions in a file of `cogless identify`."""
     try:
         contents = json.loads(path.read_text("utf-8"))
-        return {direction: tuple(map(_wave, contents[direction])) for direction in CORRECTED_DIRECTIONS}
+        current = float(contents["current_A_rms"])
+        if not 0 < current < math.inf:
+            raise ValueError
+        tables: dict[str, Any] = {name: tuple(map(_wave, contents[name])) for name in CORRECTED_DIRECTIONS}
+        return {**tables, "current": current}
     except OSError as error:
         raise invalid(f"{reason(error)}: expected a file at {path}", "file") from error
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, OverflowError, TypeError, ValueError):
         raise invalid("expected the correction.json that cogless identify writes", "file") from None
 
 
