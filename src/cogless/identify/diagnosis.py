@@ -247,8 +247,8 @@ def _of_one_speed(orders: Sequence[OrderCauses], parts: Sequence[Steady]) -> lis
 
 
 def _of_loads(orders: Sequence[OrderCauses]) -> list[Advice]:
-    """Which logs tell cogging from ripple of K_t, for each large order that may be either."""
-    names = {each.order: each.causes[0].name.split(OR) for each in orders if each.share > LARGE_SHARE}
+    """Which logs tell cogging from ripple of K_t, for large orders that may be either."""
+    names = {entry.order: entry.causes[0].name.split(OR) for entry in orders if entry.share > LARGE_SHARE}
     either = [order for order, causes in sorted(names.items()) if {COGGING, RIPPLE} <= set(causes)]
     return [not_told_apart("ripple", order) for order in either]
 
