@@ -178,9 +178,8 @@ def current_noise(study: Study, plant: SpeedLoop, feedback: Linear) -> float:
     of_i_q = of_phase * float(np.sum(_axes(study)[1] ** 2)) / 2  # A^2, the mean over the angle
     f = _frequencies(plant.period)
     passed = np.abs(responses(plant, feedback, f)[0]) ** 2
-    return (
-        float(np.mean(passed)) * of_i_q / plant.steps
-    )  # the law's band is one of `steps` that the noise has
+    # white up to half the current loop's rate, of which the law's band is one part in `steps`
+    return float(np.mean(passed)) * of_i_q / plant.steps
 
 
 def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:
