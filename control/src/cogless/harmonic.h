@@ -11,8 +11,8 @@
  *   theta = theta' + (1 - p^3) e,   omega = omega' + 3/2 (1-p)^2 (1+p) e / ts,   z += (1-p)^3 e / ts^2,   p = exp(-1/2)
  *
  * Om = k base omega ts is the angle by which an order turns in a step. Each order learns from a signal s. An order with a small Om is
- * called slow, and its s is ts^2 z without the mean of z. Every other order is called fast, and its s is e. A ripple of 1 A appears in s with the
- * gain b ts^2 G(Om). The correction of c_k has the exact inverse of this gain:
+ * called slow, and its s is ts^2 z without the mean of z. Every other order is called fast, and its s is e. A ripple of 1 A appears in s
+ * with the gain b ts^2 G(Om). The correction of c_k has the exact inverse of this gain:
  *
  *   c_k -= rate ts s exp(-j k base theta) / (b ts^2 G)
  *
