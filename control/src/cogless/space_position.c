@@ -95,7 +95,7 @@ CGL_SELDOM cgl_error cgl_space_position_retune(cgl_space_position *law, const cg
     law->config = *config;
     law->config.ratio = ratio_of(config);
     cgl_memory_centre(&law->memory, centred(config));
-    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
+    law->gentle = UINT32_MAX; /* no valid index, so the next step applies the guard's step again */
     if (!same_ramp && law->learning_samples > 0U) {
         law->learning_samples = samples_of_share(law, share);
     }
@@ -132,8 +132,8 @@ CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cg
     law->saturated = false;
 }
 
-/* Returns the factor by which the guard reduces the correction. The law learns from the position error too. The speed loop's gain is no
- * bound for this part. So the first step of gentle learning leaves the correction as it is. */
+/* Returns the factor by which the guard reduces the correction. The law learns from the position error too. The gain of the
+ * speed error cannot bound what is learned from the position error. So the first step of gentle learning leaves the correction as it is. */
 static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {
