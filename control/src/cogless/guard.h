@@ -1,10 +1,11 @@
 /* A guard against harmful learning. The guard compares the speed error with and without the learned current, and takes this current away if
- * it does harm. A window is a time of whole turns. The ripple of a window is the mean square of the speed error's deviation from its mean
- * over a turn. s is the share of the learned current that acts, which means that it is added to the feedback. In a test nothing is learned.
- * So the error changes in proportion to s, and the ripple P(s) is a parabola that opens upwards. A test has two parts:
+ * it does harm. A window is a time of whole turns, or 2.5 s if a turn takes longer. The ripple of a window is the mean square of the speed
+ * error's deviation from its mean over a turn. s is the share of the learned current that acts, that is, the share that is added to the
+ * feedback. In a test nothing is learned. So the error changes in proportion to s, and the ripple P(s) is a parabola that opens upwards. A
+ * test has two parts:
  *
  *   PART   s = 3/4. P(0) is at least 4 P(3/4) - 3 P(1). If P(1) is at most 1.18 times this bound, what is learned does no harm, and the
- *          test ends. It adds only a sixteenth of the ripple that ALONE adds
+ *          test ends. PART adds only a sixteenth of the ripple that ALONE adds
  *   ALONE  s = 0, if PART proved nothing or was skipped after a suspicion. P(1) > 1.18 P(0) is evidence of harm, anything else is not
  *
  * Each part also gives the bar, the ripple with which every window of learning is compared: P(0) from ALONE; from PART the lower bound of

@@ -33,7 +33,8 @@
 /* The bend is learned while the square of the drift is below this share of the mean of k |c_k|^2. 0.02 is the square of 1/7: a drift of
  * |c|/7 turns the phase of an order by 1/7 rad. */
 #define BEND_DRIFT_SHARE CGL_R(0.02)
-/* A mean over BEND_PERIOD steps keeps a share of z's noise. This constant is half of that share. */
+/* A mean over BEND_PERIOD steps keeps a quarter of the variance of z's noise. This constant is half of that quarter, because the difference
+ * of two sums has twice the variance of one sum. */
 #define BEND_NOISE_SHARE CGL_R(0.125)
 #define BEND_DOUBT_FACTOR CGL_R(64.0) /* the bend is not used while its square is below its variance times this */
 #define BEND_PERIOD 8U                /* steps from one update of the bend to the next */

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-/* A measurement whose bound is 0 is not checked against it. A value that is not finite is never plausible. Each time is 1e9 ts at most. */
+/* A bound of 0 checks nothing. A value that is not finite is never plausible. Each time is 1e9 ts at most. */
 typedef struct {
     cgl_real omega_max;    /* largest plausible mechanical speed [rad/s], >= 0; default 0. It is the rotor's largest speed, plus what one
                               count more of the sensor in the speed window adds to the measured speed */

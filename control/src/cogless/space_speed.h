@@ -5,8 +5,8 @@
  *
  * delta_i is the learned function of channel i, T the memory's period, and Q the memory's forgetting or filter. In the law of delta_i, f
  * has omega_ref in place of omega. If |eta| >= eta_bar or |omega| < omega_min, q is 0, so learning is frozen. The paper has one mu for all
- * channels, omega > 0 only, and omega in the law of delta_i. With omega there, the means of alpha and beta drift apart at a constant speed.
- * */
+ * channels, omega > 0 only, and omega in the law of delta_i. With omega in that law, the means of alpha and beta drift apart at a constant
+ * speed. */
 #ifndef COGLESS_SPACE_SPEED_H
 #define COGLESS_SPACE_SPEED_H
 
