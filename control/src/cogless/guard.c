@@ -63,8 +63,8 @@ CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
     guard->squares = guard->fast = CGL_R(0.0);
 }
 
-/* Clears what is learned. Learns more gently, by two steps if the last conviction was not long ago, else by one. A table that nobody
- * learns stays as it is, but does not act for a while. */
+/* Clears what is learned. Learns more gently, by two steps if the last conviction was not long ago, else by one. A table that no
+ * law is learning stays as it is, but does not act for a while. */
 CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
 {
     const bool learns = learn && guard->taught;

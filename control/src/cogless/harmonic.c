@@ -439,7 +439,7 @@ CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in
                   | (cgl_is_angle(in->theta_m) && is_plausible(law, in, error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* Clears what was learned, at the guard's command. */
+/* Clears the amplitudes and the bend, because the guard says so. */
 CGL_SELDOM static void forget_orders(cgl_harmonic *law)
 {
     clear(law->cosine, 2U * law->config.orders);

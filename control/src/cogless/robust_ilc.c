@@ -94,8 +94,8 @@ CGL_SELDOM void cgl_robust_ilc_reset(cgl_robust_ilc *law)
     start_anew(law);
 }
 
-/* Sets the output while the feedback does not act. In torque mode r becomes b times the present current, less the friction term that the
- * law will add [rad/s^2]. */
+/* Sets the output while the law is off or in torque mode. In torque mode r becomes b times the present current, less the friction term that
+ * the law will add [rad/s^2]. */
 CGL_SELDOM static void stand_by(cgl_robust_ilc *law, const cgl_law_input *in, cgl_real learned, cgl_real friction,
                                 cgl_law_output *out)
 {

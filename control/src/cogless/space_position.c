@@ -34,8 +34,8 @@ CGL_SELDOM const char *cgl_space_position_bad_field(const cgl_space_position_con
     return cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
-/* Returns the number of channels whose mean belongs to the integral. If the integral acts beside what is learned, these are alpha and
- * beta: at a constant speed their means act like the integral. The mean of h stays in the memory. h is learned while the speed changes,
+/* Returns the number of channels whose mean belongs to the integral. If the integral stays in use while the law learns, these are alpha
+ * and beta: at a constant speed their means act like the integral. The mean of h stays in the memory. h is learned while the speed changes,
  * and gives the current that accelerates the inertia. */
 static uint32_t centred(const cgl_space_position_config *config)
 {

@@ -5,7 +5,7 @@
  *
  *   J > 1.1025 F                                    1.05 times the RMS of the feedback alone
  *   J > 2.25 J_best                                 1.5 times the RMS of the best v
- *   J > 1.1025 J_best, and u was at its limit       learning need not converge then
+ *   J > 1.1025 J_best, and u was at its limit       learning at a limit need not converge
  *
  * Too much has two possible causes: learning, or a change of the plant. To tell them apart, the best v runs again for a trial. If J_best is
  * the same as before, within a factor of 1.21, learning was wrong. If not, the plant has changed, and the old values are void.
@@ -41,11 +41,11 @@
 extern "C" {
 #endif
 
-#define CGL_TRIAL_STRIKES 6U /* largest number of strikes: learning is then tried in one of 4096 trials */
+#define CGL_TRIAL_STRIKES 6U /* largest number of strikes, with which learning is tried in one of 4096 trials */
 
 typedef enum { CGL_TRIAL_LEARN, CGL_TRIAL_REPLAY, CGL_TRIAL_HOLD, CGL_TRIAL_COMPARE } cgl_trial_phase;
 
-/* What to do with v at the end of a trial, in this order. */
+/* What to do with the learned signal v at the end of a trial, in this order. */
 typedef struct {
     bool store; /* the best v <- v */
     bool back;  /* v <- the best v */
@@ -69,7 +69,7 @@ typedef struct {
     bool limited;        /* u was at its limit in this trial */
 } cgl_trial_guard;
 
-/* Starts anew, without any measurement. */
+/* Resets the guard to LEARN, without any measured J and without strikes. */
 void cgl_trial_guard_reset(cgl_trial_guard *guard);
 
 /* Judges a complete trial by guard->error. `none` says that v was 0 in this trial. */

@@ -1,7 +1,7 @@
 /* An observer of the error y_ref - y in a trial (trial.h). It also gives a feedback, and the input that was missing in the trial.
  *
  * The plant is a double integrator with a disturbance d at its input, y'' = b (u - d). T = f + N v is the input that is fed forward,
- * u_fb = u - T is the feedback, and T* is the input that would keep the error zero. Then e'' = b (T* - T - u_fb). g = b Ts^2 is the change
+ * u_fb = u - T is the feedback, and T* is the input that would keep the error zero. So e'' = b (T* - T - u_fb). g = b Ts^2 is the change
  * per sample that one unit of the input adds in one sample. The observer estimates e, its change per sample s, and a = g (T* - T):
  *
  *   e- = e + s + (a - g u_fb) / 2,  s- = s + a - g u_fb                        from one sample to the next
@@ -14,7 +14,7 @@
  * overshoot. Therefore k_e e is limited to +-g limit (3 + p)^2 / 4. Within this bound, the term k_e e / g of u_fb can still be more than
  * twice the limit of u.
  *
- * The missing input follows from e''. It is centred in the sample over which u acts:
+ * The missing input r(p) follows from e'', centred in the sample for which u(p) is held:
  *
  *   r(p) = T*(p) - T(p) = u_fb(p) + (e(p + 2) - e(p + 1) - e(p) + e(p - 1)) / (2 g)
  *
@@ -50,7 +50,7 @@ typedef struct {
 /* Checks the config and `limit`, the largest |u| [u]. */
 cgl_error cgl_trial_observer_init(const cgl_trial_observer_config *config, cgl_real limit);
 
-/* Starts anew for a trial. */
+/* Resets the observer for a new trial. */
 void cgl_trial_observer_reset(cgl_trial_observer *observer);
 
 /* Takes the measured error e_m, which is finite, and the limit of u. Returns (k_e e + k_s s) / g [u]. *held is a / g, the part that cancels
@@ -58,7 +58,7 @@ void cgl_trial_observer_reset(cgl_trial_observer *observer);
 cgl_real cgl_trial_observer_step(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real e_m,
                                  cgl_real limit, cgl_real *held);
 
-/* Tells the observer the feedback u - T that acts until the next sample [u]. It has no effect before the first sample. */
+/* Tells the observer the feedback u - T that is applied until the next sample [u]. The call has no effect before the first sample. */
 void cgl_trial_observer_act(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real u_fb);
 
 #ifdef __cplusplus
