@@ -56,7 +56,7 @@ typedef struct {
     cgl_real i_d_ref;   /* d-axis current reference [A], usually 0. sqrt(foc.current_limit^2 - i_d_ref^2) is left for the law, so give
                            the law no higher limit. A new value of this or any other field is used from the next period on in which
                            the law is due. But the check for a stuck angle uses omega_ref and torque in every period */
-    bool learn;         /* false: what is learned stays as it is, frozen */
+    bool learn;         /* false freezes what is learned */
     bool torque;        /* true: torque mode. The current reference is i_q_ref plus the learned current, and nothing is learned. The
                            references of angle and speed have no effect. Guard, quality and the check for a stuck angle pause */
     cgl_real i_q_ref;   /* q-axis current reference of torque mode [A], within the law's limit */

@@ -53,8 +53,8 @@ typedef struct {
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 must be > 0 and finite too */
     cgl_real delay;     /* delay of the current behind its reference [s], 0 to 16 ts. The half period for which a reference is held on
                            average is not part of it */
-    cgl_real step;      /* resolution of the measured angle [rad], >= 0, if the speed is measured by the time between two edges. The law
-                           then computes the angle between two edges from this speed. 0 if the speed is measured in another way */
+    cgl_real step;      /* resolution of the measured angle [rad], >= 0, if the speed is measured by the time between two edges: the law
+                           computes the angle between two edges from this speed. 0: the speed is measured in another way */
     uint32_t base;      /* lowest learned order of a mechanical revolution; the others are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
     uint32_t bends;     /* number of orders of the angle sensor's error that are learned, 0 to 2. 1: the error that repeats once a turn;
                            2: also the error that repeats twice a turn. With a base of 1 or 2 none is learned, with 3 or 4 at most one.
@@ -63,7 +63,7 @@ typedef struct {
     uint32_t orders;    /* number of learned orders, 1 to CGL_HARMONIC_ORDERS; base * orders is at most CGL_HARMONIC_ORDER_MAX */
     uint32_t fast;      /* number of the lowest orders that the motor is known to have, 0 to `orders`. These orders act up to
                            CGL_HARMONIC_FASTEST. The others act only while they are slow */
-    cgl_real rate;      /* rate of learning at the begin of learning [1/s], >= 0; 0: nothing is learned. The rates of all orders that act
+    cgl_real rate;      /* rate of learning at its begin [1/s], >= 0; 0: nothing is learned. The rates of all orders that act
                            add up to at most 1/16 per step */
     cgl_real rate_min;  /* lowest rate of learning, to which the rate falls in time [1/s], >= 0 */
     cgl_real limit;     /* bound of |T|, and of each cosine's and sine's amplitude [A], > 0, at most loop.current_limit */
@@ -92,7 +92,7 @@ typedef struct {
 typedef struct {
     cgl_harmonic_config config;
     cgl_pi pi;
-    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/rad] */
+    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], then sines [A], order numbers, and pairs of gains [A/turn] */
     cgl_real lead;           /* time from a current reference to the middle of the period in which its current flows [ts] */
     cgl_real gain;           /* b ts^2 [turns/A] */
     cgl_real weight[3];      /* shares of the feedback's current u that flow in each of the next three steps [-]: the model of the delay */

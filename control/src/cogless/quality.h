@@ -59,7 +59,7 @@ typedef struct {
     cgl_real ordinary_square;     /* square of an error up to which a short step handles it [unit^2]; < 0: no error may take this step */
     cgl_real outlier_square;      /* square of an error above which it is an outlier [unit^2]; < 0 before the first error */
     cgl_real ripple;              /* variance of the error in the last window [unit^2] */
-    cgl_real ripple_before;       /* ripple of the last window before learning began, or else of the first window [unit^2] */
+    cgl_real ripple_before;       /* ripple of the last settled window before learning began, or else of the first with learning [unit^2] */
     cgl_real trend;               /* relative change of the ripple from window to window [-], clipped and smoothed */
     cgl_quality_config config;
     cgl_real ts;                  /* period of the calls [s] */
