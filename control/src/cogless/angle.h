@@ -25,12 +25,12 @@ static inline cgl_phasor cgl_product(cgl_phasor a, cgl_phasor b)
     return product;
 }
 
-/* Phasor of an angle [turns of 2^32], to 1.5e-7 (float) or 1e-15 (double). The errors of two factors add up in their product. Rounding
+/* Phasor of an angle [2^-32 turns], to 1.5e-7 (float) or 1e-15 (double). The errors of two factors add up in their product. Rounding
  * adds at most sqrt(5) 2^-24 (double: 2^-53). So a phasor of order h, as a product of lower orders, has an error of at most h 2.9e-7
  * (double: h 1.3e-15). In float, the rounding of the angle itself makes as large an error. */
 cgl_phasor cgl_phasor_of(uint32_t turns);
 
-/* Returns theta [rad], |theta| < CGL_ANGLE_MAX, in turns of 2^32. The integer wraps as the angle does. */
+/* Returns theta [rad], |theta| < CGL_ANGLE_MAX, in units of 2^-32 turns. The integer wraps as the angle does. */
 static inline uint32_t cgl_turns(cgl_real theta)
 {
     const cgl_real rest = cgl_rest(theta * (CGL_R(1.0) / CGL_TWO_PI));

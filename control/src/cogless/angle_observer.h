@@ -1,5 +1,5 @@
-/* Speed from an angle alone, by a third-order observer of angle, speed and acceleration with three equal poles. It needs neither
- * edge times nor the torque. At constant acceleration its speed has no error. It smooths ripple beyond its bandwidth.
+/* Speed from an angle alone, by a third-order observer of angle, speed and acceleration with three equal poles. The observer needs
+ * neither edge times nor the torque. At constant acceleration its speed has no error. Ripple of the speed beyond the bandwidth is smoothed.
  *
  *   prediction   theta' = theta + ts omega + ts^2/2 alpha,   omega' = omega + ts alpha
  *   correction   e = measured - theta',   p = exp(-bandwidth ts)
@@ -19,16 +19,16 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_real bandwidth; /* bandwidth of the three poles [rad/s], above 0, at most 2 / ts */
+    cgl_real bandwidth; /* magnitude of each of the three equal poles [rad/s], > 0, at most 2 / ts */
 } cgl_angle_observer_config;
 
 typedef struct {
     cgl_angle_observer_config config;
     cgl_real ts;            /* period of the steps [s] */
-    cgl_real l1, l2, l3;    /* gains [1], [1/s], [1/s^2] */
+    cgl_real l1, l2, l3;    /* gains from e to theta [-], omega [1/s] and alpha [1/s^2] */
     cgl_real omega_max;     /* largest speed: half a turn in a period [rad/s] */
     cgl_real alpha_max;     /* largest acceleration: a change by omega_max in a period [rad/s^2] */
-    uint32_t theta;         /* angle [turns of 2^32] */
+    uint32_t theta;         /* angle [2^-32 turns] */
     cgl_real omega;         /* speed [rad/s] */
     cgl_real alpha;         /* acceleration [rad/s^2] */
 } cgl_angle_observer;
@@ -39,10 +39,10 @@ cgl_error cgl_angle_observer_init(cgl_angle_observer *observer, const cgl_angle_
 /* Changes the bandwidth at run time, within the range that init accepts. The state stays. */
 cgl_error cgl_angle_observer_retune(cgl_angle_observer *observer, const cgl_angle_observer_config *config);
 
-/* Starts at this angle [turns of 2^32] and speed [rad/s]. */
+/* Starts at this angle [2^-32 turns] and speed [rad/s]. */
 void cgl_angle_observer_reset(cgl_angle_observer *observer, uint32_t theta, cgl_real omega);
 
-/* Takes the measured angle [turns of 2^32]. Afterwards theta, omega and alpha belong to this instant. */
+/* Takes the measured angle [2^-32 turns]. Afterwards theta, omega and alpha belong to this instant. */
 void cgl_angle_observer_step(cgl_angle_observer *observer, uint32_t theta);
 
 #ifdef __cplusplus

@@ -41,8 +41,8 @@ CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
 
 /* ---- kind time ---- */
 
-/* Finds the place of one period before the next sample; `speed` gives the period. Returns false if the period is longer than the line,
- * or has fewer samples than memory->fewest. */
+/* Finds the place in the ring of one period before the next sample; `speed` gives the period. Returns false if the period is longer than
+ * the line, or has fewer samples than memory->fewest. */
 CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
@@ -70,7 +70,7 @@ static bool is_oldest(const cgl_memory *memory)
     return line->then == (line->known < memory->row ? 0U : newer(memory, line->newest));
 }
 
-/* Returns the rise of the angle from the sample before `at` to the sample `at`. */
+/* Returns the rise of the angle from the sample before `at` to the sample `at` [periods]. */
 CGL_SELDOM static cgl_real rise(const cgl_memory *memory, uint32_t at)
 {
     return shorter_way(memory->cell[at] - memory->cell[older(memory, at)]);
@@ -88,7 +88,7 @@ CGL_SELDOM static void go_older(cgl_memory *memory)
     memory->line.then = older(memory, memory->line.then);
 }
 
-/* Finds P_t by inversion. It moves `then` to the oldest sample whose angle is at most a period behind the present one. */
+/* Finds P_t by inversion. Moves `then` to the oldest sample whose angle is at most a period behind the present angle. */
 static void invert(cgl_memory *memory)
 {
     cgl_delay_line *const line = &memory->line;
@@ -111,7 +111,7 @@ static void follow_equation(cgl_memory *memory, cgl_real moved)
     cgl_delay_line *const line = &memory->line;
     const cgl_real slope = rise(memory, line->then);
     const cgl_real error = line->distance - moved + line->part * slope - CGL_R(1.0);
-    /* the equation has 1 minus this: the 1 needs no code, because every sample is one older now */
+    /* The equation has 1 minus this quotient. The 1 needs no code, because every sample is older by one sample now. */
     line->part -= (moved + memory->config.k_pp * memory->ts * error) / slope;
     uint32_t moves = MOVES;
     for (; moves > 0U && line->part < CGL_R(0.0) && line->then != line->newest; --moves) {
@@ -196,7 +196,7 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
     const cgl_memory_config *const config = &memory->config;
     const uint32_t length = memory->row, channels = config->channels;
     const bool by_time = config->kind == CGL_MEMORY_TIME;
-    if (!(by_time ? find_time(memory, speed) : find_angle(memory, place, speed))) { /* the line waits */
+    if (!(by_time ? find_time(memory, speed) : find_angle(memory, place, speed))) { /* the line stores nothing */
         for (uint32_t c = 0; c < channels; ++c) {
             value[c] = memory->channel[c].value;
         }

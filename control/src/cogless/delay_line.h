@@ -1,8 +1,8 @@
-/* A delay line as the memory of a learning law (memory.h), for up to three functions at once.
+/* A delay line as the memory of a learning law (memory.h), for up to three functions of an angle at once.
  *
  * Kind time reads the value of one period ago, where the reference speed gives the period. The value is interpolated between samples. Kind
- * delay reads the value of the time P_t ago, when the angle x was one period less. The angle must rise; while it does not rise, the line
- * waits. P_t follows from the differential equation of Verrelli 2016, Section 5,
+ * delay reads the value of the time P_t ago, when the angle x was less by one period T. The angle must rise. While x does not rise, the
+ * line stores nothing and gives the last value. P_t follows from the differential equation of Verrelli 2016, Section 5,
  *
  *   dP_t/dt = 1 - (dx(t) + k_pp (x(t) - T - x(t - P_t))) / dx(t - P_t),   dx = dx/dt of the angle x
  *

@@ -1,6 +1,6 @@
 #include "drive.h"
 
-#define POLE_PAIRS_MAX 10000U /* so the electrical angle stays below CGL_ANGLE_MAX */
+#define POLE_PAIRS_MAX 10000U /* with more, the electrical angle could reach CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
 #define FULL_SHARE CGL_R(0.95) /* a current of at least this share of its limit counts as full */
 
@@ -19,7 +19,7 @@ CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *conf
     return full;
 }
 
-/* Returns the first bad field of the drive itself, or one in which two parts disagree; NULL: none. */
+/* Returns the first field of the drive itself that is out of range, or in which two parts disagree; NULL: none. */
 CGL_SELDOM static const char *own_bad_field(const cgl_drive_config *config)
 {
     if (config->pole_pairs < 1U || config->pole_pairs > POLE_PAIRS_MAX) {
@@ -147,7 +147,7 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool wanted, bool learn
 {
     cgl_guard *const guard = &drive->guard;
     const cgl_monitor *const monitor = &drive->monitor;
-    /* after a jump of the angle the guard still judges: the speed is right, but what is learned acts at wrong angles */
+    /* After a jump of the angle the guard still judges: the speed is right, but the learned current is applied at wrong angles. */
     const bool plausible = monitor->trusted || (monitor->status & (unsigned)CGL_STATUS_ANGLE_SHIFTED) != 0U;
     const cgl_guard_input in = {error,  drive->in.omega_ref, plausible && !drive->off, drive->saturated,
                                 wanted, learned};
@@ -169,7 +169,7 @@ CGL_SELDOM static void follow_rotor(cgl_law_input *in)
     in->learn = false;
 }
 
-/* Fills in the law's input. Clears the flags `saturated` and `off`, which count from one step of the law to the next. */
+/* Fills in the law's input. Clears the flags `saturated` and `off`, which remember what happened since the law's last step. */
 CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
 {
     const cgl_monitor *const monitor = &drive->monitor;
@@ -199,7 +199,7 @@ CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *referen
             in->learn = false;
         }
 #endif
-    } else { /* the error of a busy law says nothing about what is learned */
+    } else { /* The speed error of a busy law says nothing about what is learned. */
     }
     drive->saturated = drive->off = false;
     drive->countdown = drive->divider - 1U;

@@ -1,19 +1,20 @@
-/* The whole controller of a drive, stepped once per current-loop period: it checks the measurements, prepares the law where it is due, and
- * controls the currents. The caller steps the law between the two calls, so a firmware links only the law that it uses:
+/* The whole controller of a drive, stepped once per current-loop period: it checks the measurements, prepares the law's input when the law
+ * is due, and controls the currents. The caller steps the law between the two calls, so a firmware links only the law that it uses:
  *
  *   if (cgl_drive_measure(&drive, &now, &reference)) {
  *       cgl_pi_ilc_step(&law, &drive.in, &drive.command);
  *   }
  *   cgl_drive_actuate(&drive, &out);
  *
- * The law learns only if three conditions hold. The measurements are trusted. The error is no outlier. The current loop has followed its
- * reference since the law's last step: the voltage was enough, and the reference within its limit.
+ * The law learns only if the reference and the guard allow learning, and three more conditions are true. The monitor trusts the
+ * measurements. The speed error is no outlier. The current loop has followed its reference since the law's last step: the voltage was
+ * enough, and the reference within its limit.
  *
- * While the output is safe, the voltages are zero, the current loop starts anew, and the law is off. Open the bridge then (status
- * CGL_STATUS_OFF): zero voltage shorts a motor that turns.
+ * While the monitor declares the output safe (monitor.h), the voltages are zero, the current loop starts anew, and the law is off. Open the
+ * bridge while the status has CGL_STATUS_OFF: zero voltage shorts a motor that turns.
  *
- * While the law's status has CGL_STATUS_BUSY, the law follows a speed that the drive does not know. The drive then neither looks for a
- * stuck angle nor counts errors. */
+ * While the law's status has CGL_STATUS_BUSY, the law follows a speed that the drive does not know. During this time the drive does not
+ * look for a stuck angle, and steps neither the quality measure nor the guard. */
 #ifndef COGLESS_DRIVE_H
 #define COGLESS_DRIVE_H
 
@@ -32,16 +33,16 @@ extern "C" {
 #endif
 
 typedef struct {
-    uint32_t pole_pairs;   /* 1 to 10000 */
+    uint32_t pole_pairs;   /* pole pairs of the motor, 1 to 10000 */
     uint32_t divider;      /* current-loop periods in a period of the law, 1 to 65535 */
-    bool foreign;          /* true: foreign firmware controls the currents. Of foc only current_limit is used then, 0 if it is unknown,
-                              and cgl_drive_actuate() returns the law's reference; default false */
+    bool foreign;          /* true: foreign firmware controls the currents. The drive then uses only current_limit of foc, 0 if it is
+                              unknown, and cgl_drive_actuate() returns the law's current reference; default false */
     bool feed_forward;     /* true: foreign firmware controls the speed too. The law returns only what it learns, and the foreign
                               firmware adds that to its current reference; default false */
     bool learn_saturated;  /* true: the law learns even if the current loop has fallen short of its reference. A law that learns from
-                              whole trials needs this, as one such period would spoil the trial; default false */
-    bool unguarded;        /* true: the guard does not watch the learning; default false. COGLESS_NO_GUARD leaves guard.c out: then this
-                              must be true */
+                              whole trials needs this, as one period without learning would spoil the trial; default false */
+    bool unguarded;        /* true: the guard does not watch the learning; default false. With COGLESS_NO_GUARD, which leaves
+                              guard.c out, `unguarded` must be true */
     cgl_foc_config foc;
     cgl_monitor_config monitor; /* monitor.phases = 0 stands for foc.phases, or for none if the current loop is foreign. Any other value
                                    must equal foc.phases, unless the current loop is foreign */
@@ -53,11 +54,11 @@ typedef struct {
     cgl_real omega_ref; /* mechanical speed reference [rad/s] */
     cgl_real alpha_ref; /* derivative of omega_ref [rad/s^2] */
     cgl_real i_d_ref;   /* d-axis current reference [A], usually 0. sqrt(foc.current_limit^2 - i_d_ref^2) is left for the law, so give
-                           the law no higher limit. A new i_d_ref acts from the next period in which the law is due. So do all other
-                           fields except omega_ref */
+                           the law no higher limit. A new value of this or any other field is used from the next period on in which
+                           the law is due. But the check for a stuck angle uses omega_ref and torque in every period */
     bool learn;         /* false freezes what is learned */
-    bool torque;        /* true: torque mode. i_q_ref acts, plus what is learned, which is frozen. The references of angle and speed have
-                           no effect. Guard, quality and the check for a stuck angle pause */
+    bool torque;        /* true: torque mode. The current reference is i_q_ref plus the learned current, and nothing is learned. The
+                           references of angle and speed have no effect. Guard, quality and the check for a stuck angle pause */
     cgl_real i_q_ref;   /* q-axis current reference of torque mode [A], within the law's limit */
 } cgl_reference;
 
@@ -66,7 +67,7 @@ typedef cgl_foc_output cgl_drive_output;
 
 typedef struct {
     uint32_t ready;         /* CGL_READY after init */
-    bool foreign;           /* flags of the config: this one and the next two */
+    bool foreign;           /* copies of the config's flags: this one and the next two */
     bool learn_saturated;
     bool unguarded;
     bool saturated;         /* since the law's last step, the current loop has fallen short of its reference */
@@ -74,9 +75,9 @@ typedef struct {
     uint32_t divider;       /* current-loop periods in a period of the law, from the config */
     uint32_t countdown;     /* current-loop periods until the law is due */
     unsigned status;        /* CGL_STATUS_ bits of this period's measurements */
-    unsigned held;          /* CGL_STATUS_GUARDED while the guard holds learning back, else 0 */
-    cgl_real pole_pairs;    /* from the config */
-    cgl_real i_q;           /* q-axis current measured in the last period [A] */
+    unsigned held;          /* status bit of the guard: CGL_STATUS_GUARDED while cgl_guard_acts(), else 0 */
+    cgl_real pole_pairs;    /* number of pole pairs, from the config */
+    cgl_real i_q;           /* q-axis current measured in the last period [A]; the law's reference if the current loop is foreign */
     cgl_loop loop;          /* argument of the law's init */
     cgl_law_output command; /* output of the law's last step; it is finite */
     cgl_law_input in;       /* input of the law's next step */
@@ -97,11 +98,11 @@ cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_r
  * change. The law has its own retune. */
 cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config);
 
-/* Starts everything but the law anew. The law is due in the next period. */
+/* Resets everything but the law. The law is due in the next period. */
 void cgl_drive_reset(cgl_drive *drive);
 
-/* Takes the measurements of this period. Returns whether the law is due. If so, step the law, from drive->in to drive->command. Without
- * a successful init this function does nothing, and cgl_drive_actuate() returns zeros with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
+/* Takes the measurements of this period. Returns whether the law is due. If the law is due, step it from drive->in to drive->command.
+ * Without a successful init this function does nothing, and cgl_drive_actuate() returns zeros with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference);
 

@@ -1,23 +1,23 @@
 #include "guard.h"
 
-#define BAR CGL_R(1.18)      /* A ripple above this multiple is too much. Windows scatter by less. The promise is 1.25^2 = 1.56. */
-#define LOUD CGL_R(16.0)     /* A burst has this multiple of the bar, four times the amplitude. It ends a window at once. */
+#define BAR CGL_R(1.18)      /* A window above this multiple of the bar is bad. Equal windows differ by less. The promise is 1.56. */
+#define LOUD CGL_R(16.0)     /* A burst is this multiple of the bar, four times its amplitude. A burst ends its window at once. */
 #define SHORTEST CGL_R(0.25) /* shortest window [s]: twenty windows take the 5 s that are promised */
 #define LONGEST CGL_R(2.5)   /* longest window [s]: a slower rotor is judged in parts of a turn */
-#define FIRST CGL_R(1.0)     /* longest window of START [s]: a slow rotor does not wait for a whole turn. LEARN then gives its bar. */
-#define RAMP CGL_R(0.5)      /* time for the share to go from 0 to 1 [s]: the feedback's integral has to take over a learned load */
-#define SOON 16U             /* windows before the first test: what it convicts acts for little more than the twenty windows promised */
-#define RARE 1024U           /* The last tests are this many windows apart. The three windows of a test are then 0.3 % of the time. */
-#define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple. */
-#define GUILT 4U             /* counts of evidence that convict: a test counts 2, as one may be chance; a pause that helped counts 1 */
-#define BLATANT CGL_R(4.0)   /* One test convicts if the ripple falls below 1/BLATANT while nothing learned acts, but not after a burst. */
+#define FIRST CGL_R(1.0)     /* longest window of START [s]: a slow rotor does not wait for a whole turn, and LEARN gives its bar. */
+#define RAMP CGL_R(0.5)      /* time in which the share goes from 0 to 1 [s]: the feedback's integral has to take over a learned load */
+#define SOON 16U             /* windows before the first test: what is convicted has acted for little more than the promised 20 windows */
+#define RARE 1024U           /* largest distance between tests [windows], at which the three windows of a test are 0.3 % of the time */
+#define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple's amplitude. */
+#define GUILT 4U             /* counts of evidence that convict: a test gives 2, as one test may be chance; a HOLD that helped gives 1 */
+#define BLATANT CGL_R(4.0)   /* One test convicts if P(0) is below P(1) / BLATANT, but not if P(1) is the ripple of a burst. */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
     {CGL_REAL_MAX, CGL_R(1.0), CGL_R(1.0)}, {CGL_R(1.01), CGL_R(1.0), CGL_R(1.0)}, {CGL_R(0.5), CGL_R(1.0), CGL_R(0.98)},
     {CGL_R(0.5), CGL_R(0.5), CGL_R(0.95)},  {CGL_R(0.5), CGL_R(0.25), CGL_R(0.9)}, {CGL_R(0.5), CGL_R(0.0625), CGL_R(0.8)},
     {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}};
 
-/* Share of what is learned that acts in each phase. */
+/* Share of the learned current that acts in each phase. */
 static const cgl_real phase_share[] = {CGL_R(1.0), CGL_R(1.0), CGL_R(1.0), CGL_R(0.75), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
 
 static cgl_real larger(cgl_real a, cgl_real b)
@@ -49,7 +49,7 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
     return cgl_is_positive(ts) ? CGL_OK : CGL_ERROR_CONFIG;
 }
 
-/* Begins a window of whole turns of the reference. In FORGET it is longer, to pass every cell and those that a Q filter waits for. */
+/* Begins a window of whole turns of the reference. FORGET has a longer one, to pass each cell, also those that a Q filter waits for. */
 CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
 {
     const bool clears = cgl_guard_forgets(guard);
@@ -63,8 +63,8 @@ CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
     guard->squares = guard->fast = CGL_R(0.0);
 }
 
-/* Clears what is learned. Learns more gently, by two steps if the last conviction was not long ago, else by one. A table that nobody
- * learns stays as it is, but does not act for a while. */
+/* Clears what is learned. Learns more gently, by two steps if the last conviction was not long ago, else by one. A table that no
+ * law is learning stays as it is, but does not act for a while. */
 CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
 {
     const bool learns = learn && guard->taught;
@@ -77,8 +77,8 @@ CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
     go_to(guard, learns ? CGL_GUARD_FORGET : CGL_GUARD_MUTE, 0U);
 }
 
-/* Leads to a test after a burst, two windows above the bar, or enough time. Time counts less while learning halves the ripple and makes
- * it no worse than in the last test. While the current loop falls short, only time counts, as learning need not be the cause. */
+/* Begins a test after a burst, two bad windows, or enough time. Time counts less while learning halves the ripple's amplitude, if the
+ * ripple is no worse than in the last test. While the current loop falls short, only time counts, as learning need not be the cause. */
 CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real speed, bool loud)
 {
     if (guard->good >= guard->retry && guard->gentle > 1U) {
@@ -98,8 +98,8 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real spe
     }
 }
 
-/* Judges a window without learning. If the ripple ends, learning itself made it. If it stays, what is learned may make it, and is taken
- * away at once to see. Without a suspicion the cheap test PART comes first. */
+/* Judges a window of HOLD. If the window is no longer bad, learning itself made the ripple. If it still is, what is learned may make the
+ * ripple, and ALONE takes it away to see. Without a suspicion the cheap test PART comes first. */
 CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool loud, bool calm)
 {
     if (guard->bad > 0U && !loud && !(v > BAR * guard->alone)) {
@@ -114,7 +114,7 @@ CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real v, const cgl_gua
         guard->speed = in->omega_ref;
         guard->share = loud ? CGL_R(0.0) : guard->share; /* A burst leaves no time for a ramp. */
         go_to(guard, guard->bad > 0U ? CGL_GUARD_ALONE : CGL_GUARD_PART, (uint8_t)(loud ? 0U : 1U));
-    } else { /* The ripple still dies out. */
+    } else { /* The ripple still falls. */
     }
 }
 
@@ -206,7 +206,7 @@ CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, b
     guard->length = 0U;
 }
 
-/* Moves the share to that of the phase between two windows. A rotor at its reference in the very first sample has no run-up: it learns. */
+/* Moves the share to that of the phase. If the rotor is at its reference in the very first sample, there is no run-up: LEARN begins. */
 CGL_SELDOM static void fade_share(cgl_guard *guard, const cgl_guard_input *in)
 {
     const bool first = guard->phase == (uint8_t)CGL_GUARD_START && !(guard->ripple < CGL_REAL_MAX);

@@ -1,23 +1,25 @@
-/* A guard against harmful learning. It tests what is learned against the same feedback without it, and takes it away if it does harm.
- *
- * The ripple of a window is the mean square of the speed error's deviation from its mean over a turn. s is the share of what is learned
- * that acts. In a test nothing is learned, so the error changes in proportion to s. The ripple P(s) is then a parabola that opens upwards.
- * A test has two parts:
+/* A guard against harmful learning. The guard compares the speed error with and without the learned current, and takes this current away if
+ * it does harm. A window is a time of whole turns, or 2.5 s if a turn takes longer. The ripple of a window is the mean square of the speed
+ * error's deviation from its mean over a turn. s is the share of the learned current that acts, that is, the share that is added to the
+ * feedback. In a test nothing is learned. So the error changes in proportion to s, and the ripple P(s) is a parabola that opens upwards. A
+ * test has two parts:
  *
  *   PART   s = 3/4. P(0) is at least 4 P(3/4) - 3 P(1). If P(1) is at most 1.18 times this bound, what is learned does no harm, and the
- *          test ends. It adds only a sixteenth of the ripple that ALONE adds
+ *          test ends. PART adds only a sixteenth of the ripple that ALONE adds
  *   ALONE  s = 0, if PART proved nothing or was skipped after a suspicion. P(1) > 1.18 P(0) is evidence of harm, anything else is not
  *
- * Each part also gives the bar, the ripple with which every window of learning is compared: P(0) from ALONE; from PART its lower bound,
- * or P(1) if that is more. A burst is a ripple of 16 times the bar. A burst, or windows above the bar, are a suspicion.
+ * Each part also gives the bar, the ripple with which every window of learning is compared: P(0) from ALONE; from PART the lower bound of
+ * P(0), or P(1) if P(1) is more. A window is bad if its ripple is above 1.18 times the bar. A burst is a ripple of 16 times the bar. A
+ * burst, or a bad window just before the test, is a suspicion.
  *
  *   START  Nothing has been learned yet. Measures the bar -> LEARN. If the rotor is at its reference in the first sample, LEARN begins at
  *          once, and its first window gives the bar
- *   LEARN  A test is due after 16 windows, then after 32, 64, up to 1024. A burst or two windows above the bar lead to a test -> HOLD
- *   HOLD   What is learned acts, but is frozen. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If the ripple falls
- *          below the bar again, learning itself was the fault: one count of evidence -> LEARN
- *   FORGET Four counts of evidence convict: what is learned is cleared -> MUTE. A table that nobody learns goes to MUTE at once
- *   MUTE   Nothing learned acts. Measures the bar. Then learning goes on more gently -> LEARN. A table acts again after a long while */
+ *   LEARN  A test is due after 16 windows, then after 32, 64, up to 1024. A burst or two successive bad windows lead to a test -> HOLD
+ *   HOLD   All of the learned current acts, but learning is frozen. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If
+ *          a window is no longer bad after a suspicion, learning itself was the fault: one count of evidence -> LEARN
+ *   FORGET Four counts of evidence convict: what is learned is cleared -> MUTE. A table that no law is learning goes to MUTE at once
+ *   MUTE   Nothing learned acts. Measures the bar. Then learning goes on more gently, which means with a smaller gain and more forgetting
+ *          -> LEARN. A table acts again after a long while */
 #ifndef COGLESS_GUARD_H
 #define COGLESS_GUARD_H
 
@@ -53,39 +55,39 @@ typedef struct {
 } cgl_guard_input;
 
 typedef struct {
-    cgl_real share;     /* share of what is learned that acts, 0 to 1 */
+    cgl_real share;     /* s, the share of the learned current that acts [-], 0 to 1 */
     uint32_t gentle;    /* step of gentle learning, an index of cgl_gentle_steps */
     uint8_t phase;      /* cgl_guard_phase */
-    uint8_t evidence;   /* counts of evidence of harm since the last test without harm; good windows clear them too */
-    uint8_t bad;        /* in LEARN: successive windows above the bar; 2 lead to a test. In HOLD: 0 if there is no suspicion. In a test:
-                           0 if P(1) is that of a burst, else 1 */
+    uint8_t evidence;   /* counts of evidence of harm since the last test without harm; at most 16 windows of LEARN clear them too */
+    uint8_t bad;        /* in LEARN: number of successive bad windows; 2 lead to a test. In HOLD: 0 if there is no suspicion. In a test:
+                           0 if P(1) is the ripple of a burst, else 1 */
     bool taught;        /* something has been learned since the start, or since four counts of evidence last convicted */
     cgl_real ts;        /* period of the calls [s] */
     cgl_real mean;      /* mean of the error over about a turn, by a low-pass filter [rad/s] */
     cgl_real last_error; /* error of the last sample [rad/s] */
-    cgl_real squares;   /* sum over this window of squares: the mean of two successive errors, less `mean` [rad^2/s^2] */
-    cgl_real fast;      /* sum over this window of squares: half the difference of two successive errors [rad^2/s^2] */
+    cgl_real squares;   /* sum over this window of the square of (mean of two successive errors, less `mean`) [rad^2/s^2] */
+    cgl_real fast;      /* sum over this window of the square of half the difference of two successive errors [rad^2/s^2] */
     uint32_t count;     /* samples in this window */
     uint32_t length;    /* length of a whole window [samples]; 0: the next window has not begun */
-    uint32_t limited;   /* successive samples in which the current loop fell short. Above an eighth of the window the count stays until
-                           the window ends */
+    uint32_t limited;   /* successive samples in which the current loop fell short of its reference. A count above an eighth of the window
+                           stays until the window ends */
     cgl_real ripple;    /* ripple of the last window [rad^2/s^2] */
     cgl_real acting;    /* P(1) of the last HOLD [rad^2/s^2] */
-    cgl_real alone;     /* the bar: P(0), or the bound that PART gives; 0: unknown [rad^2/s^2] */
-    cgl_real noise;     /* mean of the squares in `fast` when last nothing learned acted [rad^2/s^2] */
-    cgl_real speed;     /* reference of the speed when P(1) was measured [rad/s]. CGL_REAL_MAX: it moved in the test, and another
-                           speed is no reason to test again soon */
-    uint32_t age;       /* age of the last test: a window adds 8, but only 1 if learning gains much [1/8 windows] */
-    uint32_t patience;  /* a test is due after this many windows in which learning gains little */
-    uint32_t good;      /* windows since `gentle` changed */
-    uint32_t retry;     /* when `good` reaches this, `gentle` goes one step back */
+    cgl_real alone;     /* the bar: P(0), or the bound that PART gives [rad^2/s^2]; 0: unknown */
+    cgl_real noise;     /* mean of the squares in `fast`, in the last window in which nothing learned acted [rad^2/s^2] */
+    cgl_real speed;     /* reference of the speed when P(1) was measured [rad/s]. CGL_REAL_MAX: the reference moved in the test, so
+                           another speed is no reason to test again soon */
+    uint32_t age;       /* age of the last test [1/8 windows]: a window adds 8, but only 1 if learning halves the ripple's amplitude */
+    uint32_t patience;  /* value of `age` at which a test is due [windows] */
+    uint32_t good;      /* number of windows since `gentle` changed */
+    uint32_t retry;     /* value of `good` at which `gentle` goes one step back */
 } cgl_guard;
 
 /* How gently a law learns at step k of cgl_gentle_steps. */
 typedef struct {
     cgl_real most;       /* bound of the learning gain, as a multiple of the feedback's own gain [-] */
     cgl_real gain;       /* factor on the gain within that bound [-] */
-    cgl_real forgetting; /* factor on what is recalled [-] */
+    cgl_real forgetting; /* factor on what the law recalls from its memory [-] */
 } cgl_gentle;
 
 extern const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U];
@@ -119,7 +121,7 @@ void cgl_guard_reset(cgl_guard *guard);
  * stays within 0 and 1 for any input. */
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in);
 
-/* Whether learning is allowed: no test is under way, and all of what is learned acts. */
+/* Whether learning is allowed: no test is under way, and all of the learned current acts. */
 static inline bool cgl_guard_may_learn(const cgl_guard *guard)
 {
     return guard->phase == (uint8_t)CGL_GUARD_LEARN && guard->share >= CGL_R(1.0);
@@ -131,7 +133,7 @@ static inline bool cgl_guard_forgets(const cgl_guard *guard)
     return guard->phase == (uint8_t)CGL_GUARD_FORGET;
 }
 
-/* Whether the guard holds learning back. */
+/* Whether the guard holds learning back: learning is frozen, more gentle than at the first step, or not all of the learned current acts. */
 static inline bool cgl_guard_acts(const cgl_guard *guard)
 {
     return guard->phase > (uint8_t)CGL_GUARD_LEARN || guard->gentle > 1U;

@@ -10,32 +10,33 @@
 #define GAIN_2 (CGL_R(1.5) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) + POLE))
 #define GAIN_3 ((CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE))
 
-/* Largest angle of a slow order in a step [rad]. At this angle z and e show the order equally: |Z - p|^2 = 2 (1 - p)^2, Z = exp(j
- * angle). */
+/* Largest angle by which a slow order turns in a step [rad]. harmonic.h defines slow and fast orders, orders that act, bend and round.
+ * At this angle z and e show the order equally: |Z - p|^2 = 2 (1 - p)^2, Z = exp(j angle). */
 #define SLOW_ANGLE_MOST CGL_R(0.5105)
-#define LAG_DELAY CGL_R(1.5)   /* a longer delay is modelled as a lag [steps] */
+#define LAG_DELAY CGL_R(1.5)   /* delay above which the model is a first-order lag [steps] */
 #define DELAY_MOST CGL_R(16.0) /* largest delay that init takes [steps] */
-#define HALF_TURN CGL_R(0.5)   /* bound of the angle in a step, and of z [turns] */
+#define HALF_TURN CGL_R(0.5)   /* bound of the observer's speed [turns/ts], and of z [turns/ts^2] */
 
 #define MEAN_SHARE_PER_RAD CGL_R(0.25)  /* weight of z in its moving mean, per angle of the base order in a step [1/rad] */
 #define MEAN_SHARE_MOST CGL_R(0.0625)   /* largest weight of z in its moving mean, which is also its weight while nothing is learned */
 #define RATE_SUM_MOST CGL_R(0.0625)     /* bound of the sum of the acting orders' rates [1/step]; slow orders settle if the sum is below
                                            0.15 */
-#define FULL_RATE_LENGTH CGL_R(6.0)     /* the rate begins to fall when full rate times learning time reaches this; exp(-3) of the ripple
-                                           is left then */
-#define NEW_SPEED_FACTOR CGL_R(1.25)    /* a speed is new if it is beyond all earlier speeds by this factor */
-/* The rate follows the speed, up to this multiple of the reference speed. A rotor that hunts swings about its reference, and so turns
- * faster than the reference. */
+#define FULL_RATE_LENGTH CGL_R(6.0)     /* product of full rate and learning time at which the rate begins to fall; exp(-3) of the ripple
+                                           is left at that time */
+#define NEW_SPEED_FACTOR CGL_R(1.25)    /* a speed is new if it is above or below all earlier speeds by this factor */
+/* The bound of the rate grows with the rotor's speed, up to this multiple of the reference speed. A rotor that hunts swings about its
+ * reference, and so turns faster than the reference at times. */
 #define HUNTING_FACTOR CGL_R(2.0)
 
-#define BEND_MOST CGL_R(0.05)            /* bound of each part of the bend [rad] */
-#define BEND_VARIANCE_MOST CGL_R(2.5e-7) /* the bend is not learned if its variance is larger: (0.5 mrad)^2 [rad^2] */
+#define BEND_MOST CGL_R(0.05)            /* bound of each coefficient of the bend [rad] */
+#define BEND_VARIANCE_MOST CGL_R(2.5e-7) /* variance of the bend above which it is not learned [rad^2]: (0.5 mrad)^2 */
 /* The bend is learned while the square of the drift is below this share of the mean of k |c_k|^2. 0.02 is the square of 1/7: a drift of
  * |c|/7 turns the phase of an order by 1/7 rad. */
 #define BEND_DRIFT_SHARE CGL_R(0.02)
-/* A mean over BEND_PERIOD steps keeps a share of z's noise. This constant is half of that share. */
+/* A mean over BEND_PERIOD steps keeps a quarter of the variance of z's noise. This constant is half of that quarter, because the difference
+ * of two sums has twice the variance of one sum. */
 #define BEND_NOISE_SHARE CGL_R(0.125)
-#define BEND_DOUBT_FACTOR CGL_R(64.0) /* the bend is not used while its square is below this multiple of its variance */
+#define BEND_DOUBT_FACTOR CGL_R(64.0) /* the bend is not used while its square is below its variance times this */
 #define BEND_PERIOD 8U                /* steps from one update of the bend to the next */
 
 #define SLOW_SHARES 2U /* the slow orders form this many groups; each step corrects one group */
@@ -91,7 +92,7 @@ CGL_SELDOM static void apply_config(cgl_harmonic *law, const cgl_harmonic_config
     const cgl_real part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
     const bool lags = d > LAG_DELAY;
     law->lag_share = lags ? d / (CGL_R(1.0) + d) : CGL_R(0.0);
-    /* number of bend orders that are far enough below the lowest learned order */
+    /* number of the bend's orders that are far enough below the lowest learned order */
     const uint32_t free = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U);
     law->bends = config->bends < free ? config->bends : free;
     law->weight[0] = lags ? CGL_R(1.0) - law->lag_share : (d < CGL_R(1.0) ? CGL_R(1.0) - part : CGL_R(0.0));
@@ -166,8 +167,8 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     law->learned = CGL_R(0.0);
 }
 
-/* Returns the angle [turns of 2^32], refined within the sensor's step. omega_m is measured from edge to edge, so its sum over time is
- * exact at each edge. This sum minus the sensor's angle is the angle since the last edge, apart from a constant. */
+/* Returns the measured angle [2^-32 turns], refined between two edges of the sensor. omega_m is measured from edge to edge, so the sum of
+ * omega_m over time is exact at each edge. This sum minus the sensor's angle is the angle since the last edge, apart from a constant. */
 static uint32_t refine_angle(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
 {
     const cgl_real turned = cgl_steps(law->theta_sensor, shown) * (CGL_R(1.0) / CGL_TURN_BITS);
@@ -176,7 +177,7 @@ static uint32_t refine_angle(cgl_harmonic *law, uint32_t shown, cgl_real omega_m
     return cgl_turned(shown, law->since_edge);
 }
 
-/* Starts the observer at the measured angle theta [turns of 2^32] and speed omega [rad/s]. */
+/* Starts the observer at the measured angle theta [2^-32 turns] and speed omega [rad/s]. */
 CGL_SELDOM static void start_observer(cgl_harmonic *law, uint32_t theta, cgl_real omega)
 {
     law->theta = theta;
@@ -187,7 +188,7 @@ CGL_SELDOM static void start_observer(cgl_harmonic *law, uint32_t theta, cgl_rea
     law->follows = true;
 }
 
-/* Does one step of the observer. Returns e [turns]. */
+/* Steps the observer. Returns its error e, the measured angle less the predicted one [turns]. */
 static cgl_real observe(cgl_harmonic *law, uint32_t theta)
 {
     const cgl_real rise = law->gain * law->current + law->load;
@@ -199,7 +200,7 @@ static cgl_real observe(cgl_harmonic *law, uint32_t theta)
     return error;
 }
 
-/* Models the delay of the feedback's current u [A]. Sets `current`, which acts in the next step. */
+/* Models the delay of the feedback's current u [A]. Sets `current`, which flows in the next step. */
 static void set_current(cgl_harmonic *law, cgl_real u)
 {
     law->current = cgl_clamp(law->lag_share * law->current + law->weight[0] * u + law->pending[0], law->pi.config.limit);
@@ -207,7 +208,7 @@ static void set_current(cgl_harmonic *law, cgl_real u)
     law->pending[1] = law->weight[2] * u;
 }
 
-/* Returns the sum of z - mean over the last two steps [turns], and updates the mean. */
+/* Returns the sum of (z - mean of z) over the last two steps [turns/ts^2], and updates the moving mean. */
 static cgl_real two_loads(cgl_harmonic *law)
 {
     law->mean += law->share * (law->load - law->mean);
@@ -232,7 +233,7 @@ static cgl_real lesser(cgl_real a, cgl_real b)
     return a < b ? a : b;
 }
 
-/* Returns the number of multiples of `step` [rad] that are at most `most` [rad]; no more than `orders`. */
+/* Returns how many of `orders` orders turn by at most `most` [rad] in a step, if the base order turns by `step` [rad]. */
 static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
 {
     if (step < CGL_R(0.003)) {
@@ -264,8 +265,8 @@ CGL_APART static void set_bend_rate(cgl_harmonic *law, cgl_real begun)
     bend->slow_power = bend->fast_power = CGL_R(0.0);
 }
 
-/* Updates the bend, the learned error of the angle, at the measured angle theta [2^32 to a turn]. It changes by the phase that all orders
- * have gained in common since the last update. */
+/* Updates the bend, the learned error of the angle, at the measured angle theta [2^-32 turns]. The bend changes by the phase that all
+ * orders have gained in common since the last update. */
 CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
 {
     cgl_harmonic_bend *const bend = &law->bend;
@@ -276,7 +277,7 @@ CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
         const cgl_real moved = cgl_clamp(bend->phase_sum, CGL_R(1.0e9)), step = bend->rate * moved;
         const cgl_real rate = law->rate * law->pi.loop.ts, most = CGL_R(1.0) / (cgl_real)BEND_PERIOD; /* with a larger rate the variance
                                                                                                          would not be a mean */
-        const cgl_real change = moved - bend->last_phase_sum; /* only noise: the bend itself changes both sums nearly alike */
+        const cgl_real change = moved - bend->last_phase_sum; /* only noise: an error of the angle changes both sums nearly alike */
         bend->variance += (rate < most ? rate : most) * (BEND_NOISE_SHARE * change * change - (cgl_real)BEND_PERIOD * bend->variance);
         bend->last_phase_sum = moved;
         for (uint32_t m = 0; m < law->bends; ++m) {
@@ -290,7 +291,7 @@ CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
     bend->angle = bend->share * value * (CGL_R(1.0) / CGL_TWO_PI);
 }
 
-/* Begins a round, which computes the gain of each acting order for the present speed. Decides which orders act, and the rate.
+/* Begins a round, which computes the gain of each order for the present speed. Decides which orders act, and how fast they learn.
  * `speed_ref`: |omega_ref| [rad/s]. */
 CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real speed_ref)
 {
@@ -306,7 +307,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     const uint32_t acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));
     cgl_real *const weight = law->cosine + 3U * config->orders;
     for (uint32_t n = 2U * smaller(low, law->low); n < 2U * larger(low, law->low); ++n) {
-        weight[n] = CGL_R(0.0); /* these orders change between slow and fast: a gain for z does not fit e, and the reverse */
+        weight[n] = CGL_R(0.0); /* these orders change between slow and fast, and a gain for z does not fit e */
     }
     law->acting = acting;
     law->low = low;
@@ -333,8 +334,8 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
  *   1/G = D^3 exp(-j Om/2) / (cos(Om/2) GAIN_3)   for z
  *   1/G = D^3 / (j sin Om)                        for e
  *
- * The sum of two successive z is 2 cos(Om/2) exp(-j Om/2) times one z. The order's phasor is computed for the time at which the order
- * acts. So the gain is turned by Om (1/2 + delay). */
+ * The sum of two successive z is 2 cos(Om/2) exp(-j Om/2) times one z. The phasor of an order is computed for the time at which its current
+ * flows. So the gain has the further factor exp(j Om (1/2 + delay)). */
 CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gentle, cgl_real speed_ref)
 {
     const uint32_t k = law->next_gain, orders = law->config.orders;
@@ -359,7 +360,7 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     if (k < law->low) {
         law->bend.slow_power += holds ? CGL_R(0.0) : power;
         scale /= GAIN_3 * c * c;
-        /* share of the order that the moving mean takes out of z */
+        /* share of the order's wave that the moving mean takes out of z */
         const cgl_real lost = (law->omega < CGL_R(0.0) ? MEAN_SHARE_PER_RAD : -MEAN_SHARE_PER_RAD) / (cgl_real)(k + 1U);
         const cgl_phasor without = {CGL_R(1.0), lost};
         w = cgl_product(w, without);
@@ -377,8 +378,8 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     law->next_gain = k + 1U;
 }
 
-/* Corrects one group of the slow orders by `loads`, and the acting fast orders by `error`. Returns the sum of the acting orders [A] at
- * `angle` [turns of 2^32], where the sum will act. */
+/* Corrects one group of the slow orders by `loads`, and the fast orders that act by `error`. Returns T, the sum of the orders that act [A],
+ * at `angle` [2^-32 turns], where the rotor will be when the current flows. */
 CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
 {
     const uint32_t orders = law->config.orders, low = law->low, share = law->tick % SLOW_SHARES;
@@ -425,7 +426,7 @@ static bool is_plausible(const cgl_harmonic *law, const cgl_law_input *in, cgl_r
     return cgl_is_finite(error) && placed;
 }
 
-/* Does a step in which the output is at its limit, an input is not plausible, or nothing is learned. */
+/* Sets the output of a step in which the output is at its limit, an input is not plausible, or nothing is learned. */
 CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, cgl_law_output *out)
 {
     if (cgl_law_stands_by(in)) {
@@ -438,7 +439,7 @@ CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in
                   | (cgl_is_angle(in->theta_m) && is_plausible(law, in, error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* Clears what was learned, at the guard's command. */
+/* Clears the amplitudes and the bend, because the guard says so. */
 CGL_SELDOM static void forget_orders(cgl_harmonic *law)
 {
     clear(law->cosine, 2U * law->config.orders);
@@ -446,8 +447,8 @@ CGL_SELDOM static void forget_orders(cgl_harmonic *law)
     law->time = CGL_R(0.0);
 }
 
-/* Returns k_theta times the position error, the shorter way round [rad/s]; 0 without a reference. `theta` is the measured angle [turns
- * of 2^32]; the bend is removed from it here. */
+/* Returns k_theta times the position error, the shorter way round [rad/s]; 0 if theta_ref is no valid angle. `theta` is the measured angle
+ * [2^-32 turns], from which this function removes the bend. */
 CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
     if (!cgl_is_angle(in->theta_ref)) {
@@ -464,7 +465,7 @@ CGL_SELDOM static void set_learning(cgl_harmonic *law, bool may)
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
 }
 
-/* Steps observer, gains and orders. Returns the learned current [A] at the measured angle theta [turns of 2^32]. */
+/* Steps observer, gains and orders. Returns the learned current [A] at the measured angle theta [2^-32 turns]. */
 static cgl_real learned_current(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
     if (!CGL_OFTEN(law->follows)) {

@@ -13,8 +13,8 @@ typedef struct {
     cgl_real current_limit; /* largest current of the loop [A], > 0; no limit of a law may be higher */
     bool feed_forward;      /* foreign firmware controls the speed. The law returns only what it learns, and its pi.kp and pi.ki are the
                                gains of the foreign feedback: see README.md. A law that learns from its own feedback refuses this flag */
-    bool guarded;           /* the guard acts. It bounds the learning gain by the feedback gain, so a law without a feedback gain is
-                               refused */
+    bool guarded;           /* the guard watches the learning. The guard bounds the learning gain by the feedback gain, so init refuses a
+                               law that learns without a feedback gain */
 } cgl_loop;
 
 typedef struct {
@@ -26,13 +26,13 @@ typedef struct {
     cgl_real omega_m;   /* measured mechanical speed [rad/s] */
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
-    bool off;           /* true: the output is 0, integrals start anew, and what is learned stays, frozen */
+    bool off;           /* true: the output and the integrals are 0, and what is learned is frozen */
     bool forget;        /* true: what is learned is cleared, cell by cell as the rotor passes, even if learn is false. While off or in
                            torque mode it has no effect */
-    cgl_real muted;     /* share of what is learned that does not act, 0 to 1; any other value counts as 0; default 0 */
+    cgl_real muted;     /* share of the learned current that is not in the output [-], 0 to 1, default 0; any other value counts as 0 */
     uint32_t gentle;    /* 0: the law learns as configured; k >= 1: it learns with a smaller gain and more forgetting, as
                            cgl_gentle_steps[k] */
-    bool torque;        /* torque mode: the output is i_q_ref plus what is learned, frozen; the feedback does not act */
+    bool torque;        /* true: torque mode. The output is i_q_ref plus the learned current, without feedback, and learning is frozen */
     cgl_real i_q_ref;   /* q-axis current reference of torque mode [A] */
 } cgl_law_input;
 
@@ -60,7 +60,7 @@ static inline cgl_real cgl_law_share(const cgl_law_input *in)
     return CGL_OFTEN(share >= CGL_R(0.0) && share <= CGL_R(1.0)) ? share : CGL_R(1.0);
 }
 
-/* Whether the feedback does not act, because the law is off or in torque mode. */
+/* Whether the output is without the feedback, because the law is off or in torque mode. */
 static inline bool cgl_law_stands_by(const cgl_law_input *in)
 {
     return in->off || in->torque;
@@ -90,8 +90,8 @@ bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback);
 /* Sets the output of a law that has had no successful init: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 void cgl_law_refuse(cgl_law_output *out);
 
-/* Sets the output of a law whose feedback does not act: 0 if the law is off, else i_q_ref plus what is learned [A], within the limit
- * [A]. Returns the current from which the feedback will start when it acts again, so that the output does not jump [A]. An i_q_ref
+/* Sets the output of a law that is off or in torque mode: 0 if the law is off, else i_q_ref plus the current `learned` [A], within the
+ * limit [A]. Returns the current [A] from which the feedback has to start when this mode ends, so that the output does not jump. An i_q_ref
  * that is not finite counts as 0. */
 cgl_real cgl_law_stand_by(const cgl_law_input *in, cgl_real learned, cgl_real limit, cgl_law_output *out);
 

@@ -29,7 +29,7 @@ CGL_SELDOM void cgl_map_centre(const cgl_map *map)
             mean += entry[n] / (cgl_real)map->cells;
         }
         if (cgl_is_within(mean, ROUNDING * map->limit[c])) {
-            continue; /* the map has no mean, and stays bit for bit */
+            continue; /* The mean is only a rounding error, so the entries stay as they are. */
         }
         for (uint32_t n = 0; n < map->cells; ++n) {
             entry[n] = cgl_clamp(entry[n] - mean, map->limit[c]);
@@ -59,7 +59,7 @@ static cgl_map_result checked(const cgl_map *map)
     return cgl_map_is_valid(map) ? CGL_MAP_OK : CGL_MAP_INVALID;
 }
 
-/* Fills in the map of a memory. `ratio` is that of cgl_map, for the rad in the units of the gains. */
+/* Fills in the map of a memory. `ratio` is the field of cgl_map: 1 rad in the entries' units is 1 rad of ratio * theta_m. */
 CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t law, uint32_t first_unit, uint32_t ratio,
                                            cgl_map *map)
 {

@@ -44,7 +44,7 @@ enum {
     CGL_MAP_UNIT_CURRENT_PER_SPEED = 2,        /* A s/rad */
     CGL_MAP_UNIT_CURRENT_PER_ACCELERATION = 3, /* A s^2/rad */
     CGL_MAP_UNIT_ACCELERATION = 4,             /* rad/s^2 */
-    CGL_MAP_UNIT_OF_THE_TRIAL = 5,             /* unit of v in the trial law's config */
+    CGL_MAP_UNIT_OF_THE_TRIAL = 5,             /* unit of the learned signal v of trial.h, which the plant decides */
     CGL_MAP_UNIT_COSINE_CURRENT = 6,           /* A: amplitude of the cosine of an order */
     CGL_MAP_UNIT_SINE_CURRENT = 7,             /* A: amplitude of the sine of an order */
     CGL_MAP_UNIT_ORDER = 8                     /* the orders themselves; a load requires the same orders */
@@ -76,17 +76,18 @@ typedef struct {
     uint32_t channels;                  /* number of channels, 1 to CGL_MAP_CHANNELS */
     uint32_t turns, parts;              /* the period is turns / parts of a mechanical revolution; both are 0 for a trial */
     uint32_t ratio;                     /* 1 rad in the units is 1 rad of ratio * theta_m, 1 to 65535; 1: mechanical rad */
-    uint32_t law;                       /* law that learned it, CGL_MAP_LAW_...; 128 to 255 are free for the application */
+    uint32_t law;                       /* law that learned the map, CGL_MAP_LAW_...; 128 to 255 are free for the application */
     uint32_t unit[CGL_MAP_CHANNELS];    /* CGL_MAP_UNIT_...; 128 to 255 are free for the application */
-    cgl_real limit[CGL_MAP_CHANNELS];   /* entries stay within +-limit [unit], > 0 and within the range of float */
-    const bool *learning;               /* NULL, or a flag that is true if the law's last step has learned */
-    uint32_t centred;                   /* the means of the first `centred` channels belong to an integral: a load removes them; default
-                                           0 */
+    cgl_real limit[CGL_MAP_CHANNELS];   /* bound of the magnitude of each channel's entries [unit], > 0 and within the range of float */
+    const bool *learning;               /* NULL, or a flag of the law that is true if its last step has learned */
+    uint32_t centred;                   /* number of the first channels whose means belong to an integral; a load removes these means;
+                                           default 0 */
 } cgl_map;
 
 /* Each function fills in the map of a law that has been initialised. The map is valid until the next init or retune of the law. If the
  * result is not CGL_MAP_OK, do not use the map. Use the table of `anti_cogging` only while no calibration runs, and the signal of a
- * trial only outside of cgl_trial_end(). States that belong to no angle are not in the map, such as integrals and r of robust_ilc. */
+ * trial only outside of cgl_trial_end(). States that belong to no angle are not in the map, such as the integrals, and
+ * the adapted constant r of robust_ilc. */
 cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map);
 cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc *law, cgl_map *map);
 cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,

@@ -45,7 +45,7 @@ typedef struct {
     /* Writes bytes. offset and count are multiples of write_size. Each byte is written once after an erase. */
     cgl_flash_result (*write)(void *context, uint32_t slot, uint32_t offset, const uint8_t *bytes, uint32_t count);
     /* Reads bytes of the slot. After an interrupted write, flash with error correction may refuse to read a word: return any bytes for
-     * it, and the map counts as damaged. Return CGL_FLASH_FAILED only if the flash cannot be reached. A save then ends, and does not
+     * that word, and the map counts as damaged. Return CGL_FLASH_FAILED only if the flash cannot be reached. A save then ends, and does not
      * overwrite a map that it could not read. */
     cgl_flash_result (*read)(void *context, uint32_t slot, uint32_t offset, uint8_t *bytes, uint32_t count);
     uint32_t slot_size;  /* size of each slot [bytes], at least CGL_MAP_STORED_LENGTH */
@@ -75,13 +75,13 @@ typedef struct {
     uint32_t position;      /* place in the slot [bytes] */
     uint32_t end;           /* end of header, entries and padding, where the mark begins [bytes] */
     uint32_t align;         /* write_size with which the map in this slot was stored [bytes] */
-    uint32_t crc;           /* CRC of the entries so far */
-    uint32_t entries_crc;   /* CRC of the entries in the header */
-    uint32_t header_crc;    /* CRC of the header, in the header */
+    uint32_t crc;           /* CRC of the entries that have been processed so far */
+    uint32_t entries_crc;   /* CRC of the entries, as the header states it */
+    uint32_t header_crc;    /* CRC of the header, as the header states it */
     uint32_t wanted;        /* CRC of the new header; the header in flash must have it */
     uint32_t sequence;      /* sequence number in the header */
-    bool bad_value;         /* an entry so far is not finite or beyond its limit */
-    bool other_order;       /* an order so far is not that of the law */
+    bool bad_value;         /* an entry that has been read is not finite or beyond its limit */
+    bool other_order;       /* an order that has been read is not that of the law */
     bool fits[2];           /* the map of this slot could be loaded */
     uint32_t sequences[2];  /* sequence number of each slot with a valid header, else 0 */
     uint32_t crcs[2];       /* CRC of the entries of each slot that could be loaded */
@@ -100,8 +100,8 @@ cgl_error cgl_map_store_init(cgl_map_store *store, const cgl_map_store_config *c
 
 /* Loads the newer one of the stored maps that fit. Returns CGL_MAP_OK, or the reason why there is none. Every byte is checked before the
  * first entry of `map` changes. The first `centred` channels lose their means, which belong to an integral. A load reads both slots
- * completely, and one of them twice. Call it before the law's first step, or while the law is stepped with learn false. A load ends a
- * save that is under way. */
+ * completely, and one of them twice. Call this function before the law's first step, or while the law is stepped with learn false. A load
+ * ends a save that is under way. */
 cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map);
 
 /* Begins a save of `map`, which must stay valid until the save ends. A save that is under way is abandoned. Returns CGL_MAP_OK, or the

@@ -1,4 +1,5 @@
-/* The memory of a learning law. It recalls what was learned one period of an angle ago, for up to three functions of the angle at once.
+/* The memory of a learning law. The memory recalls what was learned one period of an angle ago, for up to three functions of the angle at
+ * once. Each function is a channel.
  *
  * There are three kinds. CGL_MEMORY_ANGLE is a map over the period, whose cells are written as the rotor passes them. It allows any
  * speed, standstill and reversal. CGL_MEMORY_TIME is a delay line as long as a period at the reference speed. CGL_MEMORY_DELAY is a
@@ -27,26 +28,26 @@ typedef struct {
     uint32_t channels;            /* number of functions of the angle, 1 to CGL_CHANNELS; 0: default 1 */
     uint32_t cells;               /* kind angle: entries per period, 4 to 65535; other kinds: longest period [samples], 4 to 16777216 */
     uint32_t turns, parts;        /* the period is turns / parts of a revolution, each 1 to 65535; 0: default 1 */
-    uint32_t q_half_width;        /* half width of the Q filter, a zero-phase low-pass: the mean of an entry and of this many on each
-                                     side, 0 to cells / 2 - 1; 0: no filter; default 0 */
-    uint32_t lead;                /* a correction is stored at the place of this many samples ago, to make up for the loop's delay
-                                     [samples], 0 to cells / 4; 0: it is stored at the present place and acts at once; default 0 */
-    cgl_real forgetting;          /* factor on the recalled value; the correction is added after it [-], > 0, <= 1; 0: default 1 */
-    cgl_real limit[CGL_CHANNELS]; /* entries of the channels in use stay within +-limit [unit of the entry], > 0; 2 (q_half_width + 1)
-                                     limit must be finite */
+    uint32_t q_half_width;        /* half width of the Q filter [entries], 0 to cells / 2 - 1; 0: no filter; default 0. The filter is a
+                                     zero-phase low-pass: the mean of an entry and of q_half_width entries on each side */
+    uint32_t lead;                /* delay of the loop for which learning makes up [samples], 0 to cells / 4; default 0. A correction is
+                                     stored at the place of `lead` samples ago; with 0 at the present place, so that it acts at once */
+    cgl_real forgetting;          /* factor on the recalled value, before the correction is added [-], > 0, <= 1; 0: default 1 */
+    cgl_real limit[CGL_CHANNELS]; /* bound of the magnitude of a channel's entries [unit of the entry], > 0 for each channel in use;
+                                     2 (q_half_width + 1) limit must be finite */
     cgl_delay_method method;      /* kind delay: method to find P_t; default CGL_DELAY_ODE, as in the paper */
     cgl_real k_pp;                /* kind delay with CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; 0: default 10 */
 } cgl_memory_config;
 
 /* State of a map. The Q filter needs the entries of one period ago on both sides of the rotor. The cells behind the rotor already have
- * new values. So a ring behind the map keeps the old entries of the cells passed last. While the rotor turns backward, cells are counted
- * from the other end. So the cell number always rises. */
+ * new values. So a ring of entries, stored behind the map, keeps the old entries of the cells passed last. While the rotor turns backward,
+ * cells are counted from the other end of the map. So the cell number always rises. */
 typedef struct {
     bool backward;                 /* true: cell n is entry cells - 1 - n, and x is -width less the place; false: cell n is entry n, and
                                       x is the place */
     bool started;                  /* x is valid */
-    bool follows;                  /* the last step learned: the cells passed next get values on the line from its value to the next
-                                      value */
+    bool follows;                  /* the last step learned. So the cells passed in the next step get values on the straight line between
+                                      the values of both steps */
     bool lagging;                  /* lag_x and correction are valid */
     uint32_t angle;                /* last angle [2^-32 revolutions] */
     uint32_t turn;                 /* turn within a period of several turns */
@@ -58,21 +59,21 @@ typedef struct {
     uint32_t most;                 /* longest way in a step in which the map learns [2^-32 periods] */
     uint32_t passed;               /* number of cells passed in the last step */
     uint32_t head;                 /* ring index of the cell passed last */
-    uint32_t half;                 /* the sum covers the cell `at` and this many on each side; at q_half_width it is complete */
+    uint32_t half;                 /* number of cells on each side of `at` that the channels' `sum` covers; complete at q_half_width */
     uint32_t anew_left;            /* cells to pass until the channels' sums `anew` are complete */
-    uint32_t lag_x;                /* place of the last correction, `lead` samples behind [2^-32 periods] */
+    uint32_t lag_x;                /* place of the last correction, `lead` samples behind x [2^-32 periods] */
 } cgl_angle_map;
 
-/* State of one channel. */
+/* State of one channel. A centred channel is one whose mean belongs to an integral beside the memory: see cgl_memory_centre(). */
 typedef struct {
     cgl_real value;      /* value of the last step, within the limit */
     cgl_real limit;      /* limit from the config */
     cgl_real sum;        /* map: sum of the entries in the Q filter, as they were before the rotor passed them */
     cgl_real anew;       /* map: the same sum, begun anew. Once complete, it replaces `sum`, to remove rounding errors */
     cgl_real correction; /* map: last correction */
-    cgl_real partial;    /* sum so far for the mean over this period */
+    cgl_real partial;    /* sum of the entries read so far for the mean over this period */
     cgl_real drain;      /* centred: part of the mean that the next period removes, times the number of entries in the Q filter */
-    cgl_real transfer;   /* centred: part of the mean that the last learning step removed; it belongs to the integral */
+    cgl_real transfer;   /* centred: part of the mean that the last learning step removed, for the caller to add to the integral */
 } cgl_channel;
 
 /* State of a delay line, which is a ring of samples. */
@@ -84,7 +85,7 @@ typedef struct {
     cgl_real distance; /* delay: angle from the sample `then` to the newest one [periods] */
     cgl_real part;     /* share of the way from the sample `then` to the one before it */
     cgl_real span;     /* number of samples in the sum for the mean */
-    uint32_t then;     /* index of the sample of one period ago */
+    uint32_t then;     /* index of the oldest sample that is at most one period behind */
     bool tracking;     /* delay: `then` and `part` belong to P_t */
 } cgl_delay_line;
 
@@ -95,11 +96,11 @@ typedef struct {
     uint32_t row;                 /* entries of a channel: CGL_MEMORY_ROW */
     uint32_t fewest;              /* smallest number of samples in a period with which the memory learns */
     uint32_t periods;             /* number of periods in `turns` revolutions of theta */
-    uint32_t centred;             /* number of channels, from the first on, whose means belong to an integral */
+    uint32_t centred;             /* number of centred channels: the first ones */
     uint32_t scan_cell;           /* next cell to add to the sum for the mean */
     cgl_real *cell;               /* caller's memory: one row of CGL_MEMORY_ROW entries per channel. A row has the cells and the ring of
-                                     a map, or the samples of a delay line. In kind delay a row before them has the angle x of each
-                                     sample */
+                                     a map, or the samples of a delay line. In kind delay one more row, the first, has the angle x of
+                                     each sample */
     cgl_real gain;                /* forgetting, divided by the number of entries in the Q filter */
     cgl_real per_entry;           /* weight of an entry in the mean */
     cgl_real ts;                  /* sampling period [s] */
@@ -138,8 +139,8 @@ cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
 void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
 
 /* Declares that an integral beside the memory has the means of the first `centred` channels. After init, `centred` is 0. Two integrators
- * of the same mean would drift apart. So each learning period keeps at most 15/16 of such a channel's mean. The rest of the channel is
- * not reduced. A learning step removes `transfer` from the channel. Add `transfer` to the integral: then the sum of channel and integral
+ * of the same mean would drift apart. So each learning period keeps at most 15/16 of a centred channel's mean. The deviation from the mean
+ * is not reduced. A learning step removes `transfer` from the channel. Add `transfer` to the integral: then the sum of channel and integral
  * stays the same. */
 void cgl_memory_centre(cgl_memory *memory, uint32_t centred);
 
@@ -148,23 +149,23 @@ void cgl_memory_reset(cgl_memory *memory);
 
 /* Does one step: recalls what was learned one period ago, adds each channel's correction, and stores the result. `value` gets each
  * channel's present value, before the limit. Without a lead the correction is a part of it. Returns whether the step has learned. A step
- * that does not learn adds no correction, and leaves a map bit for bit as it is.
+ * that does not learn adds no correction, and does not change a map by a single bit.
  *
- * theta is the angle [rad], any revolution below CGL_ANGLE_MAX. `speed` is the speed of theta [rad/s]. Kind time uses its magnitude. Kind
- * delay runs while it is > 0.
+ * theta is the angle [rad], any revolution below CGL_ANGLE_MAX. `speed` is the speed of theta [rad/s]. Kind time uses |speed|. Kind
+ * delay runs while `speed` is > 0.
  *
  * No kind learns if `learn` is false, the angle is not plausible, a correction is not finite, or the speed is above cgl_memory_fastest().
  * After a jump or a reversal of the rotor, a map does not learn until the sum of its Q filter is complete again. This takes one step per
  * cell of q_half_width. A delay line stops while the period is longer than the line. Kind time also stops above cgl_memory_fastest(). While
- * a delay line stops, or the angle is not plausible, the last value goes on acting.
+ * a delay line stops, or the angle is not plausible, `value` is the last value.
  *
  * A rotor that turns back by less than a cell counts as standing. A jump is a step by more than a quarter of the period, or by more
  * cells than 16 plus twice those of the last step. */
 bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
                      cgl_real *value);
 
-/* Returns the highest speed of theta at which the memory learns [rad/s]. At this speed a sample and the lead each take at most a quarter
- * of the period. The Q filter of a delay line fits into the period. */
+/* Returns the highest speed of theta at which the memory learns [rad/s]. Up to this speed a sample and the lead each take at most a
+ * quarter of the period, and the Q filter of a delay line fits into the period. */
 cgl_real cgl_memory_fastest(const cgl_memory *memory);
 
 #ifdef __cplusplus

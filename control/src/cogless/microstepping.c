@@ -3,10 +3,10 @@
 #include "range.h"
 #include "sine.h"
 
-#define FULL_STEP 0x40000000U                            /* a quarter of an electrical turn [turns of 2^32] */
-#define TURNS_PER_RAD (CGL_R(4294967296.0) / CGL_TWO_PI) /* [turns of 2^32 / rad] */
+#define FULL_STEP 0x40000000U                            /* a quarter of an electrical turn [2^-32 turns] */
+#define TURNS_PER_RAD (CGL_R(4294967296.0) / CGL_TWO_PI) /* [2^-32 turns / rad] */
 
-/* Whether the waves are in range, and the command rises with the angle: the slope of their sum is above -1. */
+/* Whether the waves are in range, and the command always rises with the angle, because the slope of the waves' sum is above -1. */
 CGL_SELDOM static bool is_correction(const cgl_microstepping_wave wave[CGL_MICROSTEPPING_WAVES])
 {
     cgl_real slope = CGL_R(0.0);
@@ -77,7 +77,7 @@ CGL_SELDOM cgl_error cgl_microstepping_retune(cgl_microstepping *motor, const cg
     return CGL_OK;
 }
 
-/* The correction at an electrical angle u [turns of 2^32], in the same unit. */
+/* Returns the correction of the command at the electrical angle u, both in [2^-32 turns]. */
 static uint32_t correction(const cgl_microstepping_wave wave[CGL_MICROSTEPPING_WAVES],
                            const uint32_t phase[CGL_MICROSTEPPING_WAVES], uint32_t u)
 {

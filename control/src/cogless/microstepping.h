@@ -1,11 +1,12 @@
 /* Microstepping: the currents of a two-phase step motor's coils for a commanded angle, without a sensor. The motor's field pulls the
- * rotor after the current vector, with T_h sin(command - theta_e) and T_h = K_t current. Offsets and gains of the coils and the detent
- * torque turn the rotor off the command, by waves of few electrical orders. A correction of the command takes them out: with the
- * electrical angle u of the reference it is
+ * rotor after the current vector, with the torque T_h sin(command - theta_e), T_h = K_t current. Errors of the coils' offsets and gains,
+ * and the detent torque, turn the rotor off the command. These deviations are waves of a few electrical orders. A correction of the command
+ * cancels the waves. With the electrical angle u of the reference, the corrected command is
  *
  *   u + sum of magnitude sin(order u + phase),
  *
- * with a table for each direction, since friction turns the waves. It belongs to a current. In each period of the driver:
+ * with a table of waves for each direction, because friction shifts the waves' phases. A table fits only the current at which it was found.
+ * In each period of the driver:
  *
  *   cgl_microstepping_step(&motor, theta_ref, omega_ref, &out);
  *   the driver's current loops: out.i_a, out.i_b */
@@ -26,27 +27,27 @@ extern "C" {
 #define CGL_MICROSTEPS_MAX 1024
 
 typedef struct {
-    uint32_t order;     /* waves in an electrical revolution, 1 to 65535; 0: unused, default 0 */
-    cgl_real magnitude; /* amplitude [rad, electrical], >= 0, default 0 */
-    cgl_real phase;     /* phase [rad], |phase| < CGL_ANGLE_MAX, default 0 */
+    uint32_t order;     /* periods of the wave in an electrical revolution, 1 to 65535; 0: the wave is not used; default 0 */
+    cgl_real magnitude; /* amplitude of the wave [rad, electrical], >= 0; default 0 */
+    cgl_real phase;     /* phase of the wave [rad], |phase| < CGL_ANGLE_MAX; default 0 */
 } cgl_microstepping_wave;
 
 typedef struct {
     uint32_t teeth;      /* teeth of the rotor, electrical revolutions in a mechanical one, 1 to 65535 */
     cgl_real current;    /* amplitude of both coils' currents [A], > 0 */
     uint32_t microsteps; /* microsteps in a full step, a power of two up to CGL_MICROSTEPS_MAX; 0 stands for CGL_MICROSTEPS_DEFAULT */
-    cgl_microstepping_wave forward[CGL_MICROSTEPPING_WAVES];  /* correction at positive speed; the sum of order magnitude is below 1, so
-                                                                 that the command never turns back */
+    cgl_microstepping_wave forward[CGL_MICROSTEPPING_WAVES];  /* correction at positive speed; the sum of order * magnitude is below 1,
+                                                                 so that the command never turns back */
     cgl_microstepping_wave backward[CGL_MICROSTEPPING_WAVES]; /* the same at negative speed */
 } cgl_microstepping_config;
 
 typedef struct {
     cgl_microstepping_config config;
     uint32_t ready;     /* CGL_READY after a successful init */
-    uint32_t microstep; /* a microstep [electrical turns of 2^32] */
-    uint32_t command;   /* commanded angle with its correction, a multiple of microstep [electrical turns of 2^32] */
-    uint32_t phase_forward[CGL_MICROSTEPPING_WAVES], phase_backward[CGL_MICROSTEPPING_WAVES]; /* phases [turns of 2^32] */
-    bool backward;      /* direction of the last speed that was not 0 */
+    uint32_t microstep; /* angle of a microstep [2^-32 electrical turns] */
+    uint32_t command;   /* commanded angle with its correction [2^-32 electrical turns], a multiple of microstep */
+    uint32_t phase_forward[CGL_MICROSTEPPING_WAVES], phase_backward[CGL_MICROSTEPPING_WAVES]; /* phases of the waves [2^-32 turns] */
+    bool backward;      /* true: the last speed that was not 0 was negative */
 } cgl_microstepping;
 
 typedef struct {
@@ -60,15 +61,16 @@ const char *cgl_microstepping_bad_field(const cgl_microstepping_config *config);
 /* Copies the config. */
 cgl_error cgl_microstepping_init(cgl_microstepping *motor, const cgl_microstepping_config *config);
 
-/* Commands the angle zero, forward. */
+/* Commands the angle 0, with the table `forward` to follow. */
 void cgl_microstepping_reset(cgl_microstepping *motor);
 
 /* Replaces the config at run time, within the ranges that init accepts. */
 cgl_error cgl_microstepping_retune(cgl_microstepping *motor, const cgl_microstepping_config *config);
 
-/* The coils' currents at a mechanical angle theta_ref [rad], any revolution below CGL_ANGLE_MAX, in float better the first; omega_ref is
- * its speed [rad/s], of which the sign counts. While either is not plausible the last command holds the rotor, with CGL_STATUS_FAULT.
- * Without a successful init the currents are 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
+/* Computes the coils' currents for the mechanical angle theta_ref [rad], any revolution below CGL_ANGLE_MAX. With float, angles of the
+ * first revolution are the most exact. omega_ref is the speed of theta_ref [rad/s], and only its sign is used. While one of the two is not
+ * plausible, the last command stays, with CGL_STATUS_FAULT. Without a successful init the currents are 0, with CGL_STATUS_FAULT and
+ * CGL_STATUS_OFF. */
 void cgl_microstepping_step(cgl_microstepping *motor, cgl_real theta_ref, cgl_real omega_ref, cgl_microstepping_output *out);
 
 #ifdef __cplusplus

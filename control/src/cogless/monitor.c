@@ -150,7 +150,7 @@ CGL_SELDOM static cgl_real in_turn(cgl_real theta)
     return CGL_TWO_PI * cgl_fraction(theta * (CGL_R(1.0) / CGL_TWO_PI));
 }
 
-/* Returns to - from as the shorter way round. Both angles are in [0, 2 pi). */
+/* Returns the angle from `from` to `to`, the shorter way round [rad]. Both angles are in [0, 2 pi). */
 CGL_SELDOM static cgl_real difference(cgl_real to, cgl_real from)
 {
     const cgl_real d = to - from;
@@ -212,7 +212,7 @@ void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
     }
 }
 
-/* Decides at the end of a gap which offset the sensor has: 0, the offset before the gap, or a new one. `theta` is the sensor's angle, and
+/* Decides after a gap which offset the sensor has: 0, the offset before the gap, or a new one. `theta` is the sensor's angle, and
  * `d` its change since the sensor's last angle, with which it agrees.
  *
  * An offset of 0 is possible if it puts the rotor within reach of its expected place. A rotor that counted as stuck may be anywhere. If
@@ -222,7 +222,7 @@ CGL_SELDOM static void end_gap(cgl_monitor *monitor, cgl_real theta, cgl_real d)
 {
     const cgl_monitor_config *const config = &monitor->config;
     const cgl_real offset = difference(theta, in_turn(monitor->theta_m + d)), ref_turned = monitor->ref_turned;
-    /* one period more than the gap has: the angle before the gap may be wrong too */
+    /* The rotor's reach counts one period more than the gap has, because the angle before the gap may be wrong too. */
     const cgl_real reach = monitor->limits.travel * ((cgl_real)monitor->gap_periods + CGL_R(1.0));
     const bool moved_unseen = config->stuck_angle > CGL_R(0.0) && offset * ref_turned > CGL_R(0.0);
     const cgl_real from_old = cgl_abs(difference(offset, monitor->offset_before_gap)), from_none = cgl_abs(offset);
@@ -237,15 +237,16 @@ CGL_SELDOM static void end_gap(cgl_monitor *monitor, cgl_real theta, cgl_real d)
     }
 }
 
-/* Ends the attempt to turn the rotor, and clears its counters. */
+/* Ends the attempt to turn a rotor that stands still, and clears the counters of the attempt. */
 CGL_SELDOM static void end_attempt(cgl_monitor *monitor)
 {
     monitor->ref_turned = CGL_R(0.0);
     monitor->standstill = monitor->full_current = monitor->stuck_after = 0U;
 }
 
-/* Counts the periods of an attempt to turn the rotor, and those with full current among them. A period with less current takes 1 off the
- * second count, since a limit may flicker. Returns whether the attempt has failed. The rotor then counts as stuck. */
+/* Counts the periods of an attempt to turn the rotor, and the periods with full current among them. A period with less current takes 1 off
+ * the second count, because the report of full current may flicker. Returns whether the attempt has failed, so that the rotor counts as
+ * stuck. */
 CGL_SELDOM static bool has_attempt_failed(cgl_monitor *monitor, cgl_real ref_turned_square, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
@@ -293,7 +294,7 @@ CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega
     if (!is_next_due && is_not_zero(omega_ref)) {
         return true;
     }
-    monitor->hold_wait = is_next_due ? 0U : monitor->hold_wait; /* otherwise `hold` could outlast the new attempt */
+    monitor->hold_wait = is_next_due ? 0U : monitor->hold_wait; /* without this, `hold` could outlast the new attempt */
     end_attempt(monitor);
     return false;
 }
@@ -342,7 +343,7 @@ static bool follow_speed(cgl_monitor *monitor, cgl_real omega_m)
     return true;
 }
 
-/* Counts the missing angles of a gap. A good period takes one off the count. */
+/* Counts the missing angles of a gap. A period with an angle that agrees with the last one takes one off the count. */
 static void count_gap(cgl_monitor *monitor, bool missing)
 {
     if (missing) {
@@ -412,7 +413,7 @@ CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *no
     }
     monitor->safe = monitor->hold_wait > 0U;
     monitor->status = status | (monitor->safe ? (unsigned)CGL_STATUS_FAULT : 0U);
-    /* after a stuck state no period is trusted until the sensor has shown that the rotor turns */
+    /* After the rotor has counted as stuck, no period is trusted until the sensor has shown that the rotor turns. */
     monitor->trusted = monitor->status == 0U && monitor->missing_angles == 0U && monitor->speed_wait == 0U
                        && monitor->standstill == 0U && !monitor->stuck_since_moved;
 }

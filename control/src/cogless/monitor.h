@@ -5,17 +5,18 @@
  * or until cgl_monitor_trust() says that the new angle is right.
  *
  * Gap: angles are missing, because they are not finite or jump in every period. The last speed bridges a gap of up to `bridge`. If the gap
- * is longer, or the speed is implausible for longer, the output becomes safe: zero voltage. Two successive angles that agree end the gap.
- * The sensor's offset is then 0, or the same as before the gap, whichever puts the rotor nearer to its expected place. If the rotor can be
- * at neither place, the sensor has jumped. If a sensor that already has an offset has a gap longer than `bridge`, the rotor's place is
- * unknown. The output then stays safe until cgl_monitor_trust().
+ * is longer, or the speed is implausible for longer, the output becomes safe: zero voltage. As soon as two successive angles agree, the
+ * sensor gives the angle again. Learning waits until as many angles agree as were missing, at most one more than `bridge` has periods.
+ * After a gap the sensor's offset, which is the sum of its jumps, is 0 or the same as before the gap, whichever puts the rotor nearer to
+ * its expected place. If the rotor can be at neither place, the sensor has jumped. If a sensor that already has an offset has a gap longer
+ * than `bridge`, the rotor's place is unknown. The output then stays safe until cgl_monitor_trust().
  *
  * Stuck: the angle stands still while the reference turns. Once the reference has turned by a quarter of stuck_angle, learning stops, and
  * the feedback gets time to raise the current. The output becomes safe once the reference has turned by stuck_angle and full current has
- * not moved the angle for stuck_time. It stays safe until the angle moves or the reference stands still. After a rest of ten times the
- * length of that attempt, the next attempt follows.
+ * not moved the angle for stuck_time. This is a failed attempt to turn the rotor. The output stays safe until the angle moves or the
+ * reference stands still. The next attempt follows after a rest of ten times the length of the failed attempt.
  *
- * An implausible current or bus voltage makes the output safe too. The output stays safe for `hold` after the last cause.
+ * An implausible current or bus voltage makes the output safe too. The output stays safe for the time `hold` after the last cause.
  *
  * At zero voltage a turning motor carries its short-circuit current, up to psi_f / L_d. If the hardware can, open the bridge while the
  * output is safe (CGL_STATUS_OFF). */
@@ -31,22 +32,22 @@
 extern "C" {
 #endif
 
-/* A bound of 0 is not checked. A value that is not finite is never plausible. No time is longer than 1e9 ts. */
+/* A bound of 0 checks nothing. A value that is not finite is never plausible. Each time is 1e9 ts at most. */
 typedef struct {
-    cgl_real omega_max;    /* largest mechanical speed of the rotor, also as measured with one count more in the speed window [rad/s], >=
-                              0; default 0 */
+    cgl_real omega_max;    /* largest plausible mechanical speed [rad/s], >= 0; default 0. It is the rotor's largest speed, plus what one
+                              count more of the sensor in the speed window adds to the measured speed */
     cgl_real angle_step;   /* mechanical resolution of the angle sensor [rad], >= 0; default 0 */
     cgl_real speed_window; /* time over which the speed is measured [s], >= 0. For this time after a jump of the angle the speed is not
                               plausible */
-    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning stops at a
-                              quarter of this angle [rad], >= 0; default 0 */
-    cgl_real stuck_time;   /* the angle counts as stuck only if full current has also pushed in the reference's direction for this time.
-                              The time counts from a quarter of stuck_angle on. A period without full current takes one off the count
-                              [s], 0 to 9e7 ts; default 0 */
+    cgl_real stuck_angle;  /* angle by which the reference must turn, while the measured angle stands still, before the measured angle
+                              counts as stuck [rad], >= 0; default 0. Learning stops at a quarter of this angle */
+    cgl_real stuck_time;   /* time for which full current must also push in the reference's direction before the angle counts as stuck
+                              [s], 0 to 9e7 ts; default 0. It counts from a quarter of stuck_angle on. Each period without full current
+                              takes one period off the count */
     cgl_real current_max;  /* largest length of the current vector, even in a short circuit [A], >= 0; default 0 */
     cgl_real current_sum;  /* largest |i_a + i_b + i_c| if three phases are measured [A], >= 0; default 0 */
     cgl_real bridge;       /* longest gap of the angle that the last speed bridges [s], >= 0; default 0 */
-    cgl_real hold;         /* the output stays safe for this time after the last cause [s], >= 0; default 0 */
+    cgl_real hold;         /* time for which the output stays safe after the last cause [s], >= 0; default 0 */
     uint32_t phases;       /* number of measured phase currents that are checked: 3, 2, or 0; default 0 */
 } cgl_monitor_config;
 
@@ -60,7 +61,7 @@ typedef struct {
 /* Bounds that init derives from a config, so that a step needs no division. */
 typedef struct {
     cgl_real travel;         /* largest angle between the sensor's readings of two successive periods [rad] */
-    cgl_real travel_square;  /* [rad^2] */
+    cgl_real travel_square;  /* square of travel [rad^2] */
     cgl_real speed_square;   /* square of omega_max [rad^2/s^2] */
     cgl_real stuck_square;   /* square of stuck_angle [rad^2] */
     cgl_real doubt_square;   /* square of a quarter of stuck_angle [rad^2] */
@@ -72,26 +73,26 @@ typedef struct {
 /* Config and bounds come last: a processor reaches the first bytes of a struct with shorter instructions. */
 typedef struct {
     bool safe;                  /* the output must be zero: the measurements allow no torque */
-    bool trusted;               /* nothing is against learning */
+    bool trusted;               /* the law may learn: all measurements are plausible, and no gap, jump or standstill affects them */
     bool started;               /* the sensor has shown an angle, so theta_m is valid */
     bool has_angle;             /* the last period had an angle, theta_sensor */
-    bool stuck_since_moved;     /* the rotor has counted as stuck since its angle last moved; after a gap its angle may be anywhere */
+    bool stuck_since_moved;     /* the angle has counted as stuck since it last moved; so after a gap the rotor may be anywhere */
     bool position_unknown;      /* a sensor with an offset had a long gap: only cgl_monitor_trust() can tell where the rotor is */
-    uint32_t missing_angles;    /* a missing angle adds 1, an angle that agrees with the last one subtracts 1; 0: there is no gap */
+    uint32_t missing_angles;    /* count of a gap: a missing angle adds 1, an angle that agrees with the last one takes 1 off; 0: no gap */
     uint32_t gap_periods;       /* periods with a missing angle in this gap */
     uint32_t speed_wait;        /* periods until the speed window no longer contains a jump of the angle */
     uint32_t speed_lost;        /* successive periods in which speed_wait was not 0 */
     uint32_t standstill;        /* periods since the reference had turned by a quarter of stuck_angle while the angle stood still */
-    uint32_t full_current;      /* periods of standstill with full current, less those without it */
+    uint32_t full_current;      /* periods of `standstill` with full current, less the periods without full current */
     uint32_t stuck_after;       /* value of standstill when the rotor began to count as stuck; 0: it is not stuck */
     uint32_t hold_wait;         /* periods for which the output stays safe */
-    uint32_t jumps;             /* jumps since init or reset, there and back; the count stays at its largest value */
+    uint32_t jumps;             /* jumps of the angle since init or reset, a jump back included; the count stops at its largest value */
     unsigned status;            /* CGL_STATUS_ bits of the last step */
-    cgl_real theta_m;           /* plausible mechanical angle for use, without the sensor's offset, in [0, 2 pi) [rad] */
+    cgl_real theta_m;           /* plausible mechanical angle for use, without the sensor's offset [rad], in [0, 2 pi) */
     cgl_real omega_m;           /* plausible mechanical speed for use [rad/s] */
-    cgl_real sensor_offset;     /* sum of the sensor's jumps, in [-pi, pi] [rad] */
+    cgl_real sensor_offset;     /* offset of the sensor's angle, the sum of its jumps [rad], in [-pi, pi] */
     cgl_real offset_before_gap; /* sensor_offset of the last period without a gap [rad] */
-    cgl_real theta_sensor;      /* last mechanical angle that the sensor showed, in [0, 2 pi) [rad] */
+    cgl_real theta_sensor;      /* last mechanical angle that the sensor showed [rad], in [0, 2 pi) */
     cgl_real ref_turned;        /* angle by which the reference has turned since the measured angle last moved [rad] */
     cgl_monitor_limits limits;
     cgl_monitor_config config;
@@ -106,7 +107,7 @@ cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *confi
 /* Replaces the bounds at run time. Angle, jumps and all waiting times stay as they are. */
 cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config);
 
-/* Forgets the past. The next angle counts as right, and the output is safe until an angle comes. */
+/* Forgets all measurements. The next angle counts as right, and the output is safe until it comes. */
 void cgl_monitor_reset(cgl_monitor *monitor);
 
 /* Checks the measurements of this period. omega_ref is the reference of the mechanical speed [rad/s]. `full` says that the drive pushes
@@ -115,12 +116,13 @@ void cgl_monitor_reset(cgl_monitor *monitor);
 void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 
-/* Does all checks. cgl_monitor_step() gives the same result, but leaves out most checks in an ordinary period. */
+/* Does all checks. cgl_monitor_step() gives the same result, but leaves out most checks if the last period was trusted and this one is
+ * plausible. */
 void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 
 /* Declares the sensor's present angle right, for example after a homing run. This removes the offset. If the last period had no angle,
- * it does nothing and returns false: call it again. */
+ * the function does nothing and returns false: call it again. */
 bool cgl_monitor_trust(cgl_monitor *monitor);
 
 #ifdef __cplusplus

@@ -102,15 +102,16 @@ static uint32_t slow_orders(const cgl_pi_afc_config *config, cgl_real moved)
     return count;
 }
 
-/* Returns the phasor of the order `gap` at an angle [turns of 2^32]. If `doubled`, it is the square of `half`, the phasor of gap / 2. */
+/* Returns the phasor of the order `gap` at the angle `turns` [2^-32 turns]. If `doubled`, the result is the square of `half`, the phasor
+ * of gap / 2. */
 static cgl_phasor phasor_of_gap(uint32_t gap, uint32_t turns, bool doubled, cgl_phasor half)
 {
     return doubled ? cgl_product(half, half) : cgl_phasor_of(gap * turns);
 }
 
-/* Learns, and returns the sum of the orders at the angle `turns` [turns of 2^32]. `correction` [A] belongs to the angle `turns_before`.
- * The phasor of an order is the phasor of the order before, times the phasor of the gap between both orders. So sines are computed only
- * where the gap changes. */
+/* Learns, and returns the sum of the orders' currents [A] at the angle `turns` [2^-32 turns]. `correction` [A] belongs to the angle
+ * `turns_before` [2^-32 turns]. The phasor of an order is the phasor of the order before, times the phasor of the gap between both orders.
+ * So sines are computed only where the gap changes. */
 static cgl_real sum_of_orders(cgl_pi_afc *law, uint32_t turns, uint32_t turns_before,
                               uint32_t count, cgl_real correction, cgl_real kept)
 {
@@ -141,7 +142,7 @@ static cgl_real sum_of_orders(cgl_pi_afc *law, uint32_t turns, uint32_t turns_be
     return cgl_clamp(sum, limit);
 }
 
-/* Does a step in which the output is at its limit, an input is not plausible, or nothing is learned. */
+/* Sets the output of a step in which the output is at its limit, an input is not plausible, or nothing is learned. */
 CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, const cgl_law_input *in, cgl_real error, bool plausible,
                                       cgl_law_output *out)
 {
@@ -154,9 +155,9 @@ CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, const cgl_law_input *in, 
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* Returns the guard's factor on the gain, which is bounded by the PI's ki. Clears the coefficients if the guard says so. *kept is a
- * factor on the coefficients per sample, a leak that grows from step to step of the guard. At the last step but one, at most 0.4 of the
- * feedback's own part is learned. */
+/* Returns the guard's factor on the learning gain, for which the PI's ki, if above 0, is the bound. Clears the coefficients if the guard
+ * says so. *kept is a factor on the coefficients in each sample: a leak, which grows with the guard's step of gentle learning. At the last
+ * step but one, the leak lets at most 0.4 of the feedback's own current be learned. */
 CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
 {
     for (uint32_t n = 0U; in->forget && !cgl_law_stands_by(in) && n < 2U * law->config.orders; ++n) {

@@ -64,7 +64,7 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
     (void)cgl_pi_retune(&law->pi, &config->pi);
     law->gain = config->gain;
     cgl_memory_centre(&law->memory, centred(config));
-    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
+    law->gentle = UINT32_MAX; /* no valid index, so the next step applies the guard's step again */
     return CGL_OK;
 }
 
@@ -75,7 +75,7 @@ CGL_SELDOM void cgl_pi_ilc_reset(cgl_pi_ilc *law)
     law->learned = CGL_R(0.0);
 }
 
-/* Does the rest of a step, after that of the memory, if the output is at its limit, an input is not plausible, or nothing is learned. */
+/* Sets the output after the step of the memory, if the output is at its limit, an input is not plausible, or nothing is learned. */
 CGL_SELDOM static void step_otherwise(cgl_pi_ilc *law, const cgl_law_input *in,
                                       cgl_real error, bool learn, cgl_law_output *out)
 {

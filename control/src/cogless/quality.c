@@ -12,9 +12,9 @@
 #define MOVED_SQUARE CGL_R(0.00390625) /* square of 1/16: a rotor that turns by less than this share of `span` in a window counts as at
                                           rest */
 #define PART_MASK 0xFFFU               /* number of samples in a part of a window, less one; all its bits are 1 */
-#define TREND_SMOOTHING CGL_R(0.25)    /* share of a new change in the trend */
-#define TREND_STEADY CGL_R(0.04)       /* largest relative change of `ripple` that counts as none: 2 % of its root */
-#define TREND_MOST CGL_R(0.16)         /* bound on the change of one window, so that the trend soon forgets a large change */
+#define TREND_SMOOTHING CGL_R(0.25)    /* weight of the last window's change of the ripple in the trend */
+#define TREND_STEADY CGL_R(0.04)       /* largest trend that counts as no change: 4 % of the variance `ripple`, 2 % of its root */
+#define TREND_MOST CGL_R(0.16)         /* bound of a window's relative change of `ripple`, so that the trend soon forgets a large one */
 
 CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
@@ -93,7 +93,7 @@ CGL_SELDOM static cgl_real larger(cgl_real a, cgl_real b)
     return a > b ? a : b;
 }
 
-/* Adds the sum of a part, and the rounding error of the last addition, to the sum of the parts before. Clears the part's sum. */
+/* Adds the sum of a part, and the rounding error of the last addition, to the sum of the earlier parts. Clears the part's sum. */
 CGL_SELDOM static void gather(cgl_real *part, cgl_real *before, cgl_real *lost)
 {
     *before = cgl_added(*before, *part, CGL_REAL_MAX, lost);
@@ -107,8 +107,8 @@ CGL_SELDOM static void end_part(cgl_quality *quality)
     gather(&quality->squares, &quality->squares_before, &quality->squares_lost);
 }
 
-/* Sets the bounds of the next window from the sums of this one. An outlier counts only with the value of the bound, so a shock hardly
- * raises the next bound. */
+/* Sets the next window's bounds of outliers from the sums of this window. An outlier enters the sums only with the value of the present
+ * bound, so a shock hardly raises the next bound. */
 CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
 {
     const cgl_quality_config *const config = &quality->config;
@@ -119,7 +119,7 @@ CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
     const cgl_real bound = larger(config->outlier * config->outlier * square, config->floor * config->floor);
     const cgl_real peak = quality->has_long_run ? quality->peak_square : CGL_R(0.0);
     const cgl_real lasting = LASTING_SQUARE * (peak < quality->last_peak_square ? peak : quality->last_peak_square);
-    /* a window without any error, as at rest, does not tell which error is usual */
+    /* A window whose errors are all 0, as at rest, does not tell which error is usual. */
     quality->outlier_square = bound > CGL_R(0.0) && bound < SQUARE_MAX ? bound : SQUARE_MAX;
     quality->refused_square = larger(quality->outlier_square, lasting);
     quality->last_peak_square = peak;
@@ -136,7 +136,7 @@ static void update_trend(cgl_quality *quality, cgl_real ripple)
 }
 
 /* Stores the ripple before learning, until a window with learning has ended. A window at rest or in a run-up does not count. In a run-up
- * the mean error is larger than the ripple, and learning could not remove it. */
+ * the mean error is larger than the ripple, and learning could not remove the mean error. */
 static void update_ripple_before(cgl_quality *quality, cgl_real ripple, cgl_real mean_square, cgl_real turned)
 {
     const bool moved = turned * turned >= quality->span_square * MOVED_SQUARE, settled = mean_square <= ripple;
@@ -204,7 +204,7 @@ static void count_error(cgl_quality *quality, cgl_real error)
     }
 }
 
-/* Whether the error may be learned. */
+/* Whether the law may learn from an error with this square. */
 static bool may_learn(cgl_quality *quality, cgl_real square)
 {
     if (square > quality->refused_square && quality->run_length >= RUN_OUTLIERS) {

@@ -1,13 +1,14 @@
 /* Measures the quality of learning at run time: the residual ripple over a turn of the rotor, how far the ripple has come down, and whether
- * it still comes down. It also finds outliers: errors from which nothing should be learned.
+ * the ripple still comes down. Finds outliers: errors from which nothing should be learned. The error is any that the caller passes, in a
+ * drive the speed error.
  *
  * A window ends when the rotor has turned by `span`, in either direction, or after `longest`. An outlier is an error far beyond the usual
- * one. Nothing is learned from an outlier. But a large error that lasts should be learned. A run of four outliers of one sign is no noise:
- * it may be a lasting error. If two successive windows each have such a run, errors of up to twice the smaller peak of both windows are
- * learned in the next window.
+ * errors. Nothing is learned from an outlier. But a large error that lasts should be learned. A run of four outliers of one sign is no
+ * noise: it may be a lasting error. The peak of a window is its largest outlier. If two successive windows each have such a run, the next
+ * window allows learning from errors of up to twice the smaller of the two peaks.
  *
  * After a run that is not learned, learning waits for a sixteenth of a window. The error swings in this time. Nothing should be learned
- * from it, even where it is small because it passes through zero. */
+ * from an error that swings, even where it is small because it passes through zero. */
 #ifndef COGLESS_QUALITY_H
 #define COGLESS_QUALITY_H
 
@@ -21,19 +22,19 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_real span;    /* mechanical angle of a window [rad], > 0; 0: default 2 pi */
+    cgl_real span;    /* mechanical angle by which the rotor turns in a window [rad], > 0; 0: default 2 pi */
     cgl_real longest; /* longest time of a window [s], 1 to 1e9 periods of the calls; 0: default 60 */
-    cgl_real outlier; /* an error is an outlier if it is larger than this many times the root mean square of the last window's
-                         errors [-], >= 1; 0: nothing is an outlier; default 0 */
-    cgl_real floor;   /* an error below this is never an outlier [unit of the error], >= 0; default 0 */
+    cgl_real outlier; /* ratio of the least outlier to the root mean square of the last window's errors [-], >= 1; 0: nothing is an
+                         outlier; default 0 */
+    cgl_real floor;   /* error up to which nothing is an outlier [unit of the error], >= 0; default 0 */
 } cgl_quality_config;
 
 /* A window is summed in parts. A part has few samples, so its sum stays exact. At the end of the part, its sum is added to the sum of
- * the parts before. [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with shorter
- * instructions. */
+ * the window's earlier parts. [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with
+ * shorter instructions. */
 typedef struct {
     bool run_positive;            /* sign of the errors in the present run */
-    bool has_long_run;            /* this window has had a run that is too long for noise */
+    bool has_long_run;            /* this window has had a run of at least four outliers of one sign */
     bool learned;                 /* something was learned in this window */
     bool began;                   /* a window in which something was learned has ended */
     uint32_t outliers;            /* outliers in this window */
@@ -44,30 +45,30 @@ typedef struct {
     uint32_t longest;             /* largest number of samples in a window */
     uint32_t remaining;           /* samples until this window ends at the latest */
     uint32_t missing;             /* samples of this window without a usable error */
-    uint32_t windows;             /* number of windows that are over; it stays at its largest value */
+    uint32_t windows;             /* number of windows that have ended; the count stops at its largest value */
     cgl_real centre;              /* mean error of the last window, or the first error [unit] */
     cgl_real sum, squares;        /* sums over this part, without outliers: deviation of the error from `centre`, and its square */
     cgl_real sum_before, squares_before;   /* the same sums over the earlier parts of this window */
-    cgl_real sum_lost, squares_lost;       /* rounding errors of sum_before and squares_before, to be added */
+    cgl_real sum_lost, squares_lost;       /* rounding errors of sum_before and squares_before, added with the next part */
     cgl_real outlier_sum, outlier_squares; /* the same sums over the window's outliers */
     cgl_real peak_square;         /* largest square of an outlier in this window [unit^2] */
-    cgl_real last_peak_square;    /* peak_square of the last window; 0 if it had no long run [unit^2] */
-    cgl_real refused_square;      /* an error whose square is larger is not learned; >= outlier_square [unit^2] */
+    cgl_real last_peak_square;    /* peak_square of the last window [unit^2]; 0 if that window had no long run */
+    cgl_real refused_square;      /* square of an error above which nothing is learned from it [unit^2], >= outlier_square */
     cgl_real turned;              /* sum of the speeds in this window [rad/s] */
-    cgl_real span_square;         /* square of the sum of speeds at which a window ends [rad^2/s^2] */
-    cgl_real ordinary_square;     /* an error whose square is at most this is ordinary: a short step handles it [unit^2] */
-    cgl_real outlier_square;      /* an error whose square is larger is an outlier; < 0 before the first error [unit^2] */
+    cgl_real span_square;         /* square of the sum of the speeds at which a window ends [rad^2/s^2] */
+    cgl_real ordinary_square;     /* square of an error up to which a short step handles it [unit^2]; < 0: no error may take this step */
+    cgl_real outlier_square;      /* square of an error above which it is an outlier [unit^2]; < 0 before the first error */
     cgl_real ripple;              /* variance of the error in the last window [unit^2] */
-    cgl_real ripple_before;       /* ripple of the last window before learning began, or else of the first window [unit^2] */
-    cgl_real trend;               /* relative change of the ripple from window to window, clipped and smoothed */
+    cgl_real ripple_before;       /* ripple of the last settled window before learning began, or else of the first with learning [unit^2] */
+    cgl_real trend;               /* relative change of the ripple from window to window [-], clipped and smoothed */
     cgl_quality_config config;
     cgl_real ts;                  /* period of the calls [s] */
 } cgl_quality;
 
 typedef struct {
     cgl_real residual; /* standard deviation of the error over the last window [unit of the error]; 0 before the first */
-    cgl_real progress; /* 1 - residual / (residual before learning) [-]; 0: no change, 1: no ripple is left, < 0: it is worse. A
-                          window of a run-up does not count as one before learning */
+    cgl_real progress; /* 1 - residual / (residual before learning) [-]; 0: no change, 1: no ripple is left, < 0: more ripple than
+                          before. A window in a run-up gives no residual before learning */
     bool known;        /* at least one window has ended */
     bool improving;    /* learning has begun, and the residual comes down by more than 2 % a window on average */
     bool worsening;    /* learning has begun, and the residual goes up by more than 2 % a window on average */
@@ -78,8 +79,8 @@ const char *cgl_quality_bad_field(const cgl_quality_config *config, cgl_real ts)
 
 cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts);
 
-/* Replaces the config at run time. The present window begins anew. The results of earlier windows stay. Until the new window ends, they
- * bound the outliers. */
+/* Replaces the config at run time. The present window begins anew. The results of earlier windows stay. Until the new window ends, the
+ * bounds of outliers from the earlier windows stay too. */
 cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config);
 
 void cgl_quality_reset(cgl_quality *quality);

@@ -74,7 +74,7 @@ CGL_SELDOM cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust
     }
     law->config = *config;
     cgl_memory_centre(&law->memory, centred(config));
-    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
+    law->gentle = UINT32_MAX; /* no valid index, so the next step applies the guard's step again */
     law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
     return CGL_OK;
 }
@@ -94,8 +94,8 @@ CGL_SELDOM void cgl_robust_ilc_reset(cgl_robust_ilc *law)
     start_anew(law);
 }
 
-/* Sets the output while the feedback does not act. In torque mode r becomes b times the present current, less the friction term that the
- * law will add [rad/s^2]. */
+/* Sets the output while the law is off or in torque mode. In torque mode r becomes b times the present current, less the friction term that
+ * the law will add [rad/s^2]. */
 CGL_SELDOM static void stand_by(cgl_robust_ilc *law, const cgl_law_input *in, cgl_real learned, cgl_real friction,
                                 cgl_law_output *out)
 {
@@ -126,7 +126,7 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     law->last_omega_ref = finite ? in->omega_ref : CGL_R(0.0);
     law->started = finite; /* after a missing sample, the next difference of omega_ref would span more than one period */
 
-    /* (11); no reference can ask for an integral beyond 1e9 rad */
+    /* (11); the integral of the error is bounded by 1e9 rad, more than any motion asks for */
     cgl_real lost = law->integral_lost;
     const cgl_real error_integral = cgl_add(law->error_integral, law->loop.ts * error, CGL_R(1.0e9), &lost);
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;

@@ -6,7 +6,8 @@
  *   i_q_ref = (c e + d omega_ref/dt + B(omega) - f_k - v + r) / b          (19)
  *   dr/dt = gamma S                                                        (20)
  *
- * If gamma > 0, the mean over a period belongs to r: f moves its own mean into r. The terms in the state are in amperes. */
+ * e = omega_ref - omega is the speed error, S the sliding variable, f the learned acceleration, and r the adapted constant acceleration. If
+ * gamma > 0, the mean over a period belongs to r: f moves its own mean into r. The terms in the state are in amperes. */
 #ifndef COGLESS_ROBUST_ILC_H
 #define COGLESS_ROBUST_ILC_H
 
@@ -29,7 +30,7 @@ typedef struct {
     cgl_real viscous;         /* viscous friction over the inertia [1/s], default 0. The known friction is
                                  B(omega) = viscous * omega + coulomb * sgn(omega) */
     cgl_real coulomb;         /* Coulomb friction over the inertia [rad/s^2], default 0 */
-    cgl_real limit;           /* the output stays within +-limit [A], > 0, at most loop.current_limit; b * limit must be finite */
+    cgl_real limit;           /* bound of the output's magnitude [A], > 0, at most loop.current_limit; b * limit must be finite */
     cgl_memory_config memory; /* memory of f, with one channel; entries and limit in [rad/s^2] */
 } cgl_robust_ilc_config;
 
@@ -42,19 +43,19 @@ typedef struct {
 } cgl_robust_ilc_terms;
 
 typedef struct {
-    bool idle;                  /* the guard leaves no learning rate and clears nothing, so f is frozen */
+    bool idle;                  /* f is frozen, because the learning rate in use is 0, and the guard clears nothing */
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
     uint32_t gentle;            /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
-    cgl_real q, beta_1;         /* q and beta_1, reduced by the step `gentle` */
-    cgl_real error_integral;    /* within +-1e9 [rad] */
+    cgl_real q, beta_1;         /* q [-] and beta_1 [rad/s^2] in use, after the guard's reduction by the step `gentle` */
+    cgl_real error_integral;    /* integral of e [rad], within +-1e9 */
     cgl_real adapted;           /* r [rad/s^2] */
-    cgl_real integral_lost, adapted_lost; /* rounding errors of error_integral and adapted, to be added */
-    cgl_real last_omega_ref;    /* [rad/s] */
+    cgl_real integral_lost, adapted_lost; /* rounding errors of error_integral [rad] and adapted [rad/s^2], added in the next step */
+    cgl_real last_omega_ref;    /* omega_ref of the last step [rad/s] */
     cgl_robust_ilc_terms terms; /* terms of the last output */
     cgl_loop loop;
     cgl_robust_ilc_config config;
-    cgl_memory memory;          /* f [rad/s^2] */
+    cgl_memory memory;          /* memory of f [rad/s^2] */
 } cgl_robust_ilc;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
@@ -64,16 +65,16 @@ const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *config, const 
 cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
                               uint32_t length);
 
-/* Replaces gains and limits at run time, as cgl_memory_retune() does. The integral stays. r stays, within the new limit. */
+/* Replaces gains and limits at run time, as cgl_memory_retune() does. The integral of e stays. r stays, clipped to the new limit. */
 cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config);
 
 void cgl_robust_ilc_reset(cgl_robust_ilc *law);
 
-/* While the output is at its limit, f holds. The integral then changes only if the error leads back from the limit, and r only if S
- * leads back. While the speed or its reference is not finite, f, the integral and r hold, and the output is that of a zero error. While
- * the angle is not plausible, f holds. While in->off, the output is 0, f holds, and the integral and r start anew. In torque mode f
- * holds too, and the output is in->i_q_ref plus what is learned. The integral starts anew. r starts from in->i_q_ref if gamma > 0, else
- * anew. */
+/* While the output is at its limit, f is frozen. The integral of e changes in this case only if e leads the output back from the limit, and
+ * r only if S does. While the speed or its reference is not finite, f, the integral and r are frozen, and the output is that of a zero
+ * error. While the angle is not plausible, f is frozen. While in->off, the output is 0, f is frozen, and the integral and r are 0. In
+ * torque mode f is frozen too, and the output is in->i_q_ref plus the learned current. The integral is 0. r takes the value that goes with
+ * in->i_q_ref if gamma > 0, else 0. */
 void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
                          cgl_law_output *out);
 

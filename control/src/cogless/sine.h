@@ -94,7 +94,7 @@ static inline cgl_phasor cgl_phasor_ahead(cgl_real angle)
     return phasor;
 }
 
-/* Sine and cosine of an angle [turns of 2^32]. The two highest bits tell the quarter of the turn. */
+/* Sine and cosine of an angle [2^-32 turns]. The two highest bits tell the quarter of the turn. */
 static inline void cgl_sincos_of_turns(uint32_t turns, cgl_real *sine, cgl_real *cosine)
 {
     const uint32_t ahead = turns + 0x20000000U;

@@ -34,8 +34,8 @@ CGL_SELDOM const char *cgl_space_position_bad_field(const cgl_space_position_con
     return cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
-/* Returns the number of channels whose mean belongs to the integral. If the integral acts beside what is learned, these are alpha and
- * beta: at a constant speed their means act like the integral. The mean of h stays in the memory. h is learned while the speed changes,
+/* Returns the number of channels whose mean belongs to the integral. If the integral stays in use while the law learns, these are alpha
+ * and beta: at a constant speed their means act like the integral. The mean of h stays in the memory. h is learned while the speed changes,
  * and gives the current that accelerates the inertia. */
 static uint32_t centred(const cgl_space_position_config *config)
 {
@@ -95,7 +95,7 @@ CGL_SELDOM cgl_error cgl_space_position_retune(cgl_space_position *law, const cg
     law->config = *config;
     law->config.ratio = ratio_of(config);
     cgl_memory_centre(&law->memory, centred(config));
-    law->gentle = UINT32_MAX; /* no valid index: the next step then follows the guard anew */
+    law->gentle = UINT32_MAX; /* no valid index, so the next step applies the guard's step again */
     if (!same_ramp && law->learning_samples > 0U) {
         law->learning_samples = samples_of_share(law, share);
     }
@@ -132,8 +132,8 @@ CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cg
     law->saturated = false;
 }
 
-/* Returns the factor by which the guard reduces the correction. The law learns from the position error too. The speed loop's gain is no
- * bound for this part. So the first step of gentle learning leaves the correction as it is. */
+/* Returns the factor by which the guard reduces the correction. The law learns from the position error too. The gain of the
+ * speed error cannot bound what is learned from the position error. So the first step of gentle learning leaves the correction as it is. */
 static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {

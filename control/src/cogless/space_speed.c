@@ -72,7 +72,7 @@ CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
 }
 
 /* Returns the factor by which the guard reduces the correction. As in the paper's proof, the correction grows with 1 / |omega| without
- * bound. The first step of gentle learning leaves it so. */
+ * bound. The first step of gentle learning does not change this. */
 static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {

@@ -1,5 +1,5 @@
 /* Speed by counting (method M): the counts by which an encoder or a converter has moved in a window, divided by the window's time. The
- * result is the mean speed over the window. Its resolution is one count per window. */
+ * result is the mean speed over the window. The resolution of this speed is one count per window. */
 #ifndef COGLESS_SPEED_COUNT_H
 #define COGLESS_SPEED_COUNT_H
 
@@ -21,8 +21,8 @@ typedef struct {
     cgl_speed_count_config config;
     cgl_real step;      /* angle of a count [rad] */
     cgl_real time;      /* length of the window [s] */
-    uint32_t *before;   /* caller's memory: a ring of the counts at the last `window` steps */
-    uint32_t oldest;    /* index of the oldest count */
+    uint32_t *before;   /* caller's memory: a ring with the sensor's count at each of the last `window` steps */
+    uint32_t oldest;    /* index of the oldest entry of the ring */
 } cgl_speed_count;
 
 /* Copies the config. The caller's `window` entries at `before` stay in use. ts is the period of the steps [s], > 0. The rotor counts

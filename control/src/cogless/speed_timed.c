@@ -52,7 +52,7 @@ static uint32_t sum(uint32_t a, uint32_t b)
 cgl_real cgl_speed_timed_step(cgl_speed_timed *speed, const cgl_edges *edges, uint32_t now)
 {
     const bool passed = edges->time != speed->edge;
-    /* the time since the edge before is added in two parts, up to the last step and from it on, because the timer may have wrapped */
+    /* The time since the earlier edge is a sum of the times before and after the last step, because the timer may have wrapped. */
     const uint32_t elapsed = sum(speed->since, edges->time - speed->now);
     const uint32_t since = passed ? now - edges->time : sum(speed->since, now - speed->now);
     const cgl_real moved = cgl_steps(speed->count, edges->count);

@@ -1,10 +1,11 @@
-/* Speed from the times of an encoder's edges, by one of two methods. MT divides the counts since the last step by the exact time that they
- * took, from the last edge before them to the last edge among them. T divides one count by the time between the last two edges. If the next
- * edge takes longer than this time, both methods divide one count by the time since the last edge. This is the largest speed that is still
- * possible. While the last two edges are in opposite directions, both methods give 0.
+/* Speed from the times of an encoder's edges, by one of two methods. Method MT divides the counts since the last step by the exact time
+ * that these counts took, from the last edge before them to the last edge among them. Method T divides one count by the time between the
+ * last two edges. If the next edge takes longer than the last interval between edges, both methods divide one count by the time since the
+ * last edge. This quotient is the largest speed that is still possible. After an edge in the opposite direction, both methods
+ * give 0 until the next edge comes. But MT still counts the opposite edge in the first step after it.
  *
- * The board passes the counter and the value of a timer that it captured at the last edge. Call cgl_edges_pass() whenever the board reads
- * them, at each edge or once a current-loop period. Call the step where the speed is needed:
+ * The board passes its counter of edges, and the value of a timer that the board captured at the last edge. Call cgl_edges_pass() whenever
+ * the board reads these two, at each edge or once a current-loop period. Call cgl_speed_timed_step() where the speed is needed:
  *
  *   cgl_edges_pass(&edges, count, captured);
  *   omega_m = cgl_speed_timed_step(&speed, &edges, now); */
@@ -24,14 +25,14 @@ extern "C" {
 typedef struct {
     uint32_t count;    /* counter, which grows forward and wraps at 2^32 */
     uint32_t time;     /* timer at the last edge [ticks], wraps at 2^32 */
-    uint32_t interval; /* time between the last two edges, or the mean if several came at once [ticks] */
+    uint32_t interval; /* time between the last two edges [ticks], or the mean time if several edges came between two calls */
     bool backward;     /* the last edge was backward */
     bool reversed;     /* the last two edges were in opposite directions */
 } cgl_edges;
 
 typedef struct {
     uint32_t counts;    /* edges of the encoder in a revolution, four per line, 1 to 2^32 - 1 */
-    cgl_real timer;     /* rate of the timer [Hz], > 0; call the step at least twice in its 2^32 ticks */
+    cgl_real timer;     /* rate of the timer [Hz], > 0; call the step at least twice in the timer's 2^32 ticks */
     bool last_interval; /* true: method T; false: method MT; default false */
 } cgl_speed_timed_config;
 

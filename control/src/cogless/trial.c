@@ -127,7 +127,7 @@ static bool observes(const cgl_trial_config *config)
     return config->observer.response != CGL_R(0.0);
 }
 
-/* Sets u to 0, and marks the trial so that nothing is learned from it. `ahead` is T, the fed-forward input that does not act now [u]. */
+/* Sets u to 0, and marks the trial so that nothing is learned from it. `ahead` is f + N v, which this sample leaves out of u [u]. */
 CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, cgl_real ahead, unsigned status, cgl_law_output *out)
 {
     const cgl_trial_config *const config = &law->config;
@@ -143,7 +143,7 @@ CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, cgl_real ahead, unsig
     law->terms = no_terms;
 }
 
-/* Steps one sample. `state_feedback` is K_1 x, and `y` is C x. `plausible` says whether x is plausible. */
+/* Steps one sample. `state_feedback` is K_1 x, and `y` is C x. `plausible` says whether the state x is plausible. */
 static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plausible, bool learn,
                  cgl_law_output *out)
 {
@@ -237,7 +237,7 @@ void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in, cgl_law_outpu
     }
 }
 
-/* v <- v + K_3 e(p + r), or v <- v + L e, within the limit. */
+/* v(p) <- v(p) + K_3 e(p + shift), or v <- v + L e with a learning matrix L, within the limit. */
 CGL_SELDOM static void correct(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
@@ -258,7 +258,7 @@ CGL_SELDOM static void correct(cgl_trial *law)
     }
 }
 
-/* Corrects v by the error of the trial, with the filter Q. */
+/* Corrects v by the error of the trial, and filters the error or v by Q. */
 static void learn(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;

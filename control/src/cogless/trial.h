@@ -1,29 +1,32 @@
 /* Position control that learns from trial to trial (Mandra 2019, Fig. 1). The input u is the sum of state feedback with integral action,
- * feedforward, and a learned signal v. v is corrected after every trial. At sample p of a trial, p = 0 .. samples - 1:
+ * feedforward, and a learned signal v. v is corrected after every trial. At sample p of a trial, p = 0 .. samples - 1, with the config's
+ * gains k_1, k_2, n, c and k_3 written as K_1, K_2, N, C and K_3:
  *
  *   u(p)   = K_1 x(p) + K_2 psi(p - 1) + f(p) + N v(p)                       Fig. 1, (5); f: feedforward.h
  *   psi(p) = psi(p - 1) + y_ref(p) + v(p) - y(p),  y = C x,  psi(-1) = 0     (4)
  *
- * After the trial, with e = y_ref - y and the relative degree r:
+ * After the trial, with e = y_ref - y:
  *
- *   v(p) <- v(p) + K_3 e(p + r)                                              (16), (17), (42)
+ *   v(p) <- v(p) + K_3 e(p + shift)                                          (16), (17), (42); shift: relative degree
  *
- * As in the paper, e(p) counts as 0 for p < r, because no input of the trial acts so early. After the end of the trial e(p) is
- * e(samples - 1).
+ * As in the paper, e(p) counts as 0 for p < shift, because no input of the trial has an effect so early. Beyond the end of the trial, e(p)
+ * counts as e(samples - 1).
  *
  * The filter Q (zero_phase.h) can act at two places:
  *
  *   v <- v + K_3 Q e      on the error, as in the paper
  *   v <- Q (v + K_3 e)    on the signal, with `filter_signal`
  *
- * The first form learns until Q e is zero. It needs an error that contracts at all frequencies of v. The second form forgets v above the
- * cut-off frequency. So v stays bounded even if the error does not contract there, as in a plant with a sampling zero outside the unit
- * circle. But a residual error is left there.
+ * The first form learns until Q e is zero. It needs a plant on which every trial makes the error smaller at all frequencies of v. The
+ * second form forgets v above the cut-off frequency. So v stays bounded even if the trials do not make the error smaller above this
+ * frequency, as in a plant with a sampling zero outside the unit circle. But a residual error is left above the cut-off frequency.
  *
- * A matrix L in place of K_3 gives norm-optimal learning, v <- v + L e. In this form e is neither shifted nor filtered.
+ * A matrix L (`learning_matrix`) in place of K_3 gives norm-optimal learning, v <- v + L e. In this form e is not shifted, and Q does not
+ * filter e.
  *
- * With an observer (trial_observer.h), the observer's feedback takes the place of K_1, K_2 and psi. The law then learns the missing input r
- * of the observer: it stores r(p - 2) in place of e(p). With n = 1, k_3 = 1, shift = 2 and Q on the signal, learning is v <- Q (v + r).
+ * With an observer (trial_observer.h), the observer's feedback takes the place of K_1, K_2 and psi. The law then learns from the input r(p)
+ * that the observer finds missing at sample p: the law stores r(p - 2) in place of e(p). With n = 1, k_3 = 1, shift = 2 and Q on the
+ * signal, learning is v <- Q (v + r).
  *
  * A guard (trial_guard.h) judges the error of every complete trial. If learning leaves a larger error than the best v so far, or than
  * v = 0, v goes back to the better of the two.
@@ -65,7 +68,7 @@ typedef struct {
     cgl_real c[CGL_TRIAL_STATES];   /* C in y = C x [y/x], finite */
     bool through_integrator;        /* true: v also acts through the integral, as in Fig. 1; false: v acts at the input only */
     cgl_real k_3;                   /* learning gain [v/y], finite; 0: no learning */
-    uint32_t shift;                 /* relative degree r, or more if the loop has a delay [samples], 1 to samples - 1 */
+    uint32_t shift;                 /* relative degree of the plant, or more if the loop has a delay [samples], 1 to samples - 1 */
     cgl_feedforward_config feedforward;  /* feedforward from y_ref to u; default none */
     cgl_zero_phase_config q_filter;      /* filter Q, which acts between trials; default none */
     bool filter_signal;                  /* false: Q filters e; true: Q filters v; default false */
@@ -73,13 +76,13 @@ typedef struct {
                                             none */
     const cgl_real *learning_matrix;     /* NULL, or L in place of k_3: the caller's samples x samples entries, row by
                                             row [v/y], finite; default NULL */
-    cgl_real limit;                      /* u stays within +-limit [u], > 0 */
-    cgl_real learned_limit;              /* v stays within +-learned_limit [v], > 0 */
+    cgl_real limit;                      /* bound of |u| [u], > 0 */
+    cgl_real learned_limit;              /* bound of |v| [v], > 0 */
     bool unguarded;                      /* true: there is no guard, and the memory has `samples` fewer entries; default false */
 } cgl_trial_config;
 
 typedef struct {
-    cgl_real x[CGL_TRIAL_STATES]; /* measured state; the first `states` entries are used; an angle must be unwrapped */
+    cgl_real x[CGL_TRIAL_STATES]; /* measured state, of which the first `states` entries are used; an angle in it must be unwrapped */
     bool learn;                   /* if it is false in any sample, the law learns nothing from the trial */
 } cgl_trial_input;
 
@@ -104,13 +107,13 @@ typedef struct {
                                     limit `shift` samples earlier. The caller's memory has v, e, the filter's working memory and the
                                     guard's best v, in this order */
     const cgl_real *y_ref;       /* reference of this trial; NULL before the first one */
-    cgl_real psi;                /* psi(p - 1) */
+    cgl_real psi;                /* psi(p - 1), the integral of the error in (4) [y] */
     cgl_trial_observer observer;
     cgl_trial_guard guard;
-    cgl_real v;                  /* v in the last step */
+    cgl_real v;                  /* v in the last step [v] */
     cgl_real theta;              /* in a drive: unwrapped mechanical angle [rad] */
     cgl_feedforward feedforward;
-    uint32_t sample;             /* p of the next step; it counts slightly beyond the end */
+    uint32_t sample;             /* p of the next step; after the last sample it rises by CGL_FEEDFORWARD_TAPS at most */
     bool spoilt;                 /* nothing will be learned from this trial */
     cgl_trial_terms terms;       /* terms of the last step */
 } cgl_trial;
@@ -122,30 +125,30 @@ typedef struct {
 /* Copies the config, and clears the caller's memory of `length` entries, which stays in use. */
 cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length);
 
-/* Replaces gains and limits, usually between two trials. What is learned stays, within learned_limit. The guard forgets its measurements.
+/* Replaces gains and limits, usually between two trials. v stays, clipped to learned_limit. The guard forgets its measurements.
  * samples, states, the order of q_filter and unguarded must not change. */
 cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config);
 
 /* Clears what is learned, and ends the trial: u is 0 until the next begin. */
 void cgl_trial_reset(cgl_trial *law);
 
-/* Begins a trial with psi = 0. What is learned stays. Without cgl_trial_end() the errors of the last trial are lost. y_ref has `samples`
+/* Begins a trial with psi = 0. v stays. If cgl_trial_end() has not run, the errors of the last trial are lost. y_ref has `samples`
  * entries of the caller, in flash or RAM, which must not change until the next begin or reset. With NULL no trial begins. */
 void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref);
 
 /* Steps one sample. psi stays as it is while u is at its limit and the change of psi would push u further. If u is at its limit at
  * sample p, the error that u(p) makes, e(p + shift), counts as zero, so v(p) does not change.
  *
- * If a state or the reference is not finite, or so large that a sum overflows, u is 0, psi holds, the status has CGL_STATUS_FAULT, and
- * nothing is learned from the trial. An observer then goes on without the measurement.
+ * If a state or the reference is not finite, or so large that a sum overflows, u is 0, psi keeps its value, the status has
+ * CGL_STATUS_FAULT, and nothing is learned from the trial. An observer predicts this sample without the measurement.
  *
  * After the last sample the law keeps the last reference and the last v, and learns nothing. From then on it does not write to the
  * caller's memory. So cgl_trial_end() may run while an interrupt still calls this function. Before a begin, u is 0. */
 void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
 /* Steps one sample of a drive. x is the mechanical angle [rad] and speed [rad/s], `states` is 2, and u is a current [A]. The angle may
- * wrap. A trial starts at the turn nearest to its reference. An angle that is not plausible is a fault. While in->off, the output and
- * psi are 0, and nothing is learned from the trial. */
+ * wrap. At the start of a trial it is unwrapped to the turn nearest to the first reference. An angle that is not plausible has the effect
+ * of a state that is not finite. While in->off, the output and psi are 0, and nothing is learned from the trial. */
 void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in,
                           cgl_law_output *out);
 

@@ -1,9 +1,9 @@
 #include "trial_basis.h"
 
-/* The constant comes first: a function that the fit cannot tell from the constant gets no coefficient. */
+/* The functions of trial_basis.h. The constant comes first: a function that the fit cannot tell from the constant gets no coefficient. */
 enum { CONSTANT, ACCELERATION, SPEED, DIRECTION, JERK, FUNCTIONS };
 
-/* A function is left out if the functions before it explain all but this share of its sum of squares. */
+/* A function is left out of the fit if the functions before it in the list explain all but this share of its sum of squares. */
 #define PIVOT_LEAST CGL_R(1.0e-3)
 
 typedef struct {
@@ -11,7 +11,7 @@ typedef struct {
     cgl_real moment[FUNCTIONS];          /* sums of products of a function and w */
 } sums;
 
-/* Fills in the functions at sample p. The reference is constant before its first and after its last sample. */
+/* Fills in the functions of the reference at sample p. Before its first and after its last sample the reference is taken as constant. */
 static void functions(const cgl_real *y_ref, uint32_t samples, uint32_t p, cgl_real f[FUNCTIONS])
 {
     const uint32_t last = samples - 1U;
@@ -26,7 +26,7 @@ static void functions(const cgl_real *y_ref, uint32_t samples, uint32_t p, cgl_r
     f[JERK] = (later - speed) - (speed - earlier);
 }
 
-/* Solves the least squares gram theta = moment by L D L^T. */
+/* Solves the equations gram theta = moment of the least squares, by the factors L D L^T of gram. */
 static void solve(const sums *s, cgl_real theta[FUNCTIONS])
 {
     cgl_real lower[FUNCTIONS][FUNCTIONS], pivot[FUNCTIONS];
@@ -55,7 +55,7 @@ static void solve(const sums *s, cgl_real theta[FUNCTIONS])
     }
 }
 
-/* Fits theta to v and the reference of a trial. Returns false if a sum is not finite. */
+/* Fits theta, the constant and the coefficients, to v and the reference of the last trial. Returns false if a sum is not finite. */
 static bool fit(const cgl_trial *law, cgl_real k_2, const cgl_real *y_ref, cgl_real theta[FUNCTIONS])
 {
     const cgl_trial_config *const config = &law->config;

@@ -24,7 +24,7 @@ static void set_strikes(cgl_trial_guard *guard, uint32_t strikes)
     }
 }
 
-/* Adds a strike: learning was wrong. The best v runs for a while. */
+/* Adds a strike, because learning was wrong. The best v runs without learning for 4^strikes - 1 trials. */
 static void strike(cgl_trial_guard *guard)
 {
     set_strikes(guard, guard->strikes + 1U);
@@ -33,14 +33,14 @@ static void strike(cgl_trial_guard *guard)
     guard->phase = CGL_TRIAL_HOLD;
 }
 
-/* Whether J is too much. `growth` is the allowed multiple of J_best. */
+/* Whether J = `error` is too much. `growth` is the allowed multiple of J_best. */
 static bool is_too_much(const cgl_trial_guard *guard, cgl_real error, cgl_real growth)
 {
     return error > growth * guard->best || (guard->feedback >= CGL_R(0.0) && error > WORSE * guard->feedback);
 }
 
-/* Makes v, with J = `error`, the best v after a change of the plant. Decides whether it must be compared with v = 0. `best` is J_best
- * from before the change. */
+/* Makes v, with J = `error`, the best v after a change of the plant. Decides whether v must be compared with v = 0 (COMPARE). `best` is
+ * J_best from before the change. */
 static void accept(cgl_trial_guard *guard, cgl_real error, cgl_real best)
 {
     const cgl_real f = guard->feedback;
@@ -99,7 +99,7 @@ static void judge_best(cgl_trial_guard *guard, bool none, cgl_trial_verdict *ver
     if (is_too_much(guard, error, CHANGED) || CHANGED * error < best) {
         guard->jump = error;
         accept(guard, error, best);
-        if (none) { /* v is 0 already, so F is this J */
+        if (none) { /* v was 0 in this trial, so its J is F */
             guard->feedback = error;
             set_strikes(guard, 0U);
             guard->phase = CGL_TRIAL_LEARN;
