@@ -70,8 +70,8 @@ typedef struct {
     bool foreign;           /* copies of the config's flags: this one and the next two */
     bool learn_saturated;
     bool unguarded;
-    bool saturated;         /* since the law's last step, the current loop has fallen short of its reference */
-    bool off;               /* since the law's last step, the output has been safe */
+    bool saturated;         /* at least once since the law's last step, the current loop has fallen short of its reference */
+    bool off;               /* at least once since the law's last step, the output has been the safe one: no voltage */
     uint32_t divider;       /* current-loop periods in a period of the law, from the config */
     uint32_t countdown;     /* current-loop periods until the law is due */
     unsigned status;        /* CGL_STATUS_ bits of this period's measurements */

@@ -1,7 +1,7 @@
 #include "guard.h"
 
 #define BAR CGL_R(1.18)      /* A window above this multiple of the bar is bad. Equal windows differ by less. The promise is 1.56. */
-#define LOUD CGL_R(16.0)     /* A burst is this multiple of the bar, four times its amplitude. A burst ends its window at once. */
+#define LOUD CGL_R(16.0)     /* A burst is a ripple of this multiple of the bar, or four times the bar's rms. It ends its window at once. */
 #define SHORTEST CGL_R(0.25) /* shortest window [s]: twenty windows take the 5 s that are promised */
 #define LONGEST CGL_R(2.5)   /* longest window [s]: a slower rotor is judged in parts of a turn */
 #define FIRST CGL_R(1.0)     /* longest window of START [s]: a slow rotor does not wait for a whole turn, and LEARN gives its bar. */

@@ -18,11 +18,11 @@ typedef struct {
 } cgl_loop;
 
 typedef struct {
-    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; only position laws read it. In torque
-                           mode theta_ref, omega_ref and alpha_ref are theta_m, omega_m and 0 */
+    cgl_real theta_ref; /* mechanical angle reference [rad], over any number of turns; its magnitude is below CGL_ANGLE_MAX. Only
+                           position laws read it. In torque mode theta_ref, omega_ref and alpha_ref are theta_m, omega_m and 0 */
     cgl_real omega_ref; /* mechanical speed reference, the derivative of theta_ref [rad/s] */
     cgl_real alpha_ref; /* derivative of omega_ref [rad/s^2]; only the space-learning laws read it */
-    cgl_real theta_m;   /* measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX */
+    cgl_real theta_m;   /* measured mechanical angle [rad], over any number of turns; its magnitude is below CGL_ANGLE_MAX */
     cgl_real omega_m;   /* measured mechanical speed [rad/s] */
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */

@@ -81,7 +81,7 @@ typedef struct {
     uint32_t wanted;        /* CRC of the new header; the header in flash must have it */
     uint32_t sequence;      /* sequence number in the header */
     bool bad_value;         /* an entry that has been read is not finite or beyond its limit */
-    bool other_order;       /* an order that has been read is not that of the law */
+    bool other_order;       /* a harmonic order that has been read is not the law's */
     bool fits[2];           /* the map of this slot could be loaded */
     uint32_t sequences[2];  /* sequence number of each slot with a valid header, else 0 */
     uint32_t crcs[2];       /* CRC of the entries of each slot that could be loaded */

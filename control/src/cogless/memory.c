@@ -354,7 +354,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     return moved;
 }
 
-/* ---- what is learned there ---- */
+/* ---- what is learned at the rotor's place ---- */
 
 /* Ends a period of `entries` entries. Sets each channel's `drain`, the part of the mean that the next period removes from the memory.
  * Clears the sum for the mean. */

@@ -40,8 +40,8 @@ typedef struct {
 } cgl_memory_config;
 
 /* State of a map. The Q filter needs the entries of one period ago on both sides of the rotor. The cells behind the rotor already have
- * new values. So a ring of entries, stored behind the map, keeps the old entries of the cells passed last. While the rotor turns backward,
- * cells are counted from the other end of the map. So the cell number always rises. */
+ * new values. So a ring of entries, stored after the map's entries, keeps the old entries of the cells passed last. While the rotor turns
+ * backward, cells are counted from the other end of the map. So the cell number always rises. */
 typedef struct {
     bool backward;                 /* true: cell n is entry cells - 1 - n, and x is -width less the place; false: cell n is entry n, and
                                       x is the place */
@@ -109,7 +109,7 @@ typedef struct {
     cgl_delay_line line;
 } cgl_memory;
 
-/* Number of entries of a row, and of the caller's memory. */
+/* CGL_MEMORY_ROW is the number of entries of one channel, CGL_MEMORY_LENGTH that of the caller's memory. */
 #define CGL_MEMORY_ROW(cells, q_half_width) ((cells) + (q_half_width) + 1U)
 #define CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width)                                                         \
     (((channels) + ((channels) == 0U ? 1U : 0U) + ((kind) == CGL_MEMORY_DELAY ? 1U : 0U)) * CGL_MEMORY_ROW(cells, q_half_width))
