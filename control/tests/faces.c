@@ -304,6 +304,16 @@ static void gains_of_nothing(void)
         CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), (text)));                                                \
     } while (false)
 
+/* Memory of another length than the config needs is refused by the law's own init, which then does not step. */
+#define CHECK_LENGTH(name, config, length)                                                                             \
+    do {                                                                                                               \
+        static cgl_real cells[256];                                                                                    \
+        static cgl_##name law;                                                                                         \
+        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, cells, (length)) == CGL_OK);                           \
+        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, cells, (length) - 1U) == CGL_ERROR_MEMORY);            \
+        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, NULL, (length)) == CGL_ERROR_MEMORY);                  \
+    } while (false)
+
 static void opening_checks(void)
 {
     const cgl_memory_config memory = {.cells = 64U, .limit = {CGL_R(1.0)}};
@@ -326,6 +336,9 @@ static void opening_checks(void)
     CHECK_OPENING(robust_ilc, robust, limit, "robust_ilc.limit", true);
     CHECK_OPENING(space_speed, speed, limit, "space_speed.limit", true);
     CHECK_OPENING(space_position, position, limit, "space_position.limit", true);
+    CHECK_LENGTH(robust_ilc, robust, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_LENGTH(space_speed, speed, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_LENGTH(space_position, position, CGL_MEMORY_ROW(64U, 0U));
 }
 
 /* Laws whose learning needs a feedback of their own say so. */

@@ -348,6 +348,19 @@ static void hold_the_best_trial(void)
     CHECK(guard.strikes == 1U && within(guard.share - CGL_R(0.125), CGL_R(0.0)));
 }
 
+/* Learning goes on while too large an error falls, but for five trials only. Then v is compared with none. */
+static void compare_after_five_trials_above(void)
+{
+    static const cgl_real errors[] = {CGL_R(1.0), CGL_R(9.0), CGL_R(8.1), CGL_R(7.3), CGL_R(6.6), CGL_R(5.95)};
+    cgl_trial_guard guard;
+    cgl_trial_guard_reset(&guard);
+    for (uint32_t n = 0; n < CGL_ENTRIES(errors); ++n) {
+        guard.error = errors[n];
+        const cgl_trial_verdict verdict = cgl_trial_guard_judge(&guard, false);
+        CHECK(guard.phase == (n < 5U ? CGL_TRIAL_LEARN : CGL_TRIAL_COMPARE) && verdict.store == (n == 0U || n == 5U));
+    }
+}
+
 /* Each bound of the calibrations alone, and what lies on it. */
 static void bound_calibrations(void)
 {
@@ -449,6 +462,7 @@ void known_answers(void)
     turn_by_halls();
     hand_over_a_speed();
     hold_the_best_trial();
+    compare_after_five_trials_above();
     bound_calibrations();
     leave_torque_mode();
     feed_forward();
