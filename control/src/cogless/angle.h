@@ -45,8 +45,9 @@ static inline uint32_t cgl_turns(cgl_real theta)
 /* Returns the fractional part of x, in [0, 1); 0 if |x| is not below 1e9. */
 cgl_real cgl_fraction(cgl_real x);
 
-/* Returns theta [rad] plus the whole turns that bring it nearest to `near` [rad]. If `near` is the last result, an angle that wraps becomes
- * one that does not. If theta or `near` is not finite, or the two are 1e9 turns or more apart, the result is `near`. */
+/* Returns theta [rad] plus the whole turns that bring it nearest to `near` [rad]. If `near` is the previous result, an angle that wraps is
+ * turned into an angle that does not wrap. If theta or `near` is not finite, or the two are 1e9 turns or more apart, the result is `near`.
+ * */
 cgl_real cgl_unwrap(cgl_real theta, cgl_real near);
 
 #ifdef __cplusplus

@@ -64,12 +64,12 @@ cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_
 void cgl_anti_cogging_reset(cgl_anti_cogging *law);
 
 /* Begins a calibration run. The following steps make the run, and ignore omega_ref. The rotor turns forward by an eighth of a revolution to
- * settle, and by `revolutions` to record. Then it does the same backward. Until the run ends, the status has CGL_STATUS_BUSY, so cgl_drive
- * does not look for a stuck angle.
+ * settle, and by `revolutions` to record. Then the rotor does the same backward. Until the run ends, the status has CGL_STATUS_BUSY, so
+ * cgl_drive does not look for a stuck angle.
  *
  * While in->learn is false, nothing is recorded, and the status has CGL_STATUS_FROZEN. The motor goes on turning, and a missing entry is
  * recorded the next time that the rotor passes it. So a finished table is always complete. While in->learn stays false, the run does not
- * end. cgl_anti_cogging_reset() ends it. Calibrate anew after cgl_monitor_trust(), because the old table belongs to the old angle.
+ * end, unless cgl_anti_cogging_reset() ends it. Calibrate anew after cgl_monitor_trust(), because the old table belongs to the old angle.
  *
  * With loop.feed_forward this function does nothing: the foreign feedback would have to make the run. */
 void cgl_anti_cogging_calibrate(cgl_anti_cogging *law);

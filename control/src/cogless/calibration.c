@@ -59,8 +59,8 @@ cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3])
     return offsets->result;
 }
 
-/* Stages of the alignment. In each stage but the last the field goes to its place, the rotor comes to rest, and the rotor's angle is read.
- * In FALL the current falls to 0. */
+/* Stages of the alignment. In each stage but the last the field goes to the stage's place, the rotor comes to rest, and the rotor's angle
+ * is read. In FALL the current falls to 0. */
 enum { RISE, FORWARD_HALF, FORWARD_REST, BACK, FALL };
 
 CGL_SELDOM cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_real ts)

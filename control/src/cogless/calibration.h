@@ -53,7 +53,8 @@ cgl_error cgl_offsets_init(cgl_offsets *offsets, const cgl_offsets_config *confi
 void cgl_offsets_reset(cgl_offsets *offsets);
 
 /* Takes one sample. Fails if a current is not finite, if two samples of a phase differ by more than `spread`, or if the mean of a phase
- * is beyond +-`largest`. After a failure it returns CGL_CALIBRATION_FAILED until a reset. */
+ * is beyond +-`largest`. After a failure the step returns CGL_CALIBRATION_FAILED until a
+ * reset. */
 cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3]);
 
 typedef struct {
@@ -62,7 +63,7 @@ typedef struct {
     cgl_real ramp;       /* time in which the current rises, and in which it falls [s], > 0 */
     cgl_real sweep;      /* electrical angle of the field to either side of phase a [rad], > 0, up to pi; 0: default pi/2 */
     cgl_real speed;      /* electrical speed of the field, which the rotor must follow without swinging [rad/s], > 0 */
-    cgl_real settle;     /* time for the rotor to stop swinging before its angle is read [s], > 0 */
+    cgl_real settle;     /* time for which the rotor may swing before its angle is read [s], > 0 */
     cgl_real tolerance;  /* largest difference between the rotor's way and the field's way, as a share of the field's way, > 0, below 1;
                             0: default 0.25 */
 } cgl_align_config;

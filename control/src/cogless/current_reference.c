@@ -94,7 +94,7 @@ typedef struct {
     cgl_real saliency;
 } plane;
 
-/* The square of the voltage less the square of the planned voltage, which is 1. The result is at most 0 if the voltage is within its limit. */
+/* The square of the voltage less the square of the planned voltage, which is 1. The result is at most 0 if the voltage is low enough. */
 static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
 {
     const cgl_real u_d = at->r * d - at->side * at->x_q * q;

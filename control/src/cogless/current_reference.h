@@ -1,5 +1,5 @@
-/* Turns the torque that a law asks for into current references, once per period of the law. It does two things: most torque per current
- * (MTPA), and field weakening.
+/* Turns the torque that a law asks for into current references, once per period of the law. The block does two things: most torque per
+ * current (MTPA), and field weakening.
  *
  * With this block the law's i_q_ref, its limit and its measured i_q are equivalent q-axis currents. An equivalent current is torque / (1.5
  * pole_pairs psi_f). If i_d = 0 or L_d = L_q, the equivalent current is the q-axis current itself. The block turns the equivalent current
@@ -45,8 +45,8 @@ typedef struct {
 /* The first field that init refuses, as CGL_FIELD; NULL: none. `current_limit` is the limit of the current loop [A]. */
 const char *cgl_current_reference_bad_field(const cgl_current_reference_config *config, cgl_real current_limit);
 
-/* Copies the config, and raises the drive's loop.current_limit to the largest equivalent current. Call it after the init and each retune
- * of the drive. A drive with a foreign current loop is refused. */
+/* Copies the config, and raises the drive's loop.current_limit to the largest equivalent current. Call this function after the init and
+ * each retune of the drive. A drive with a foreign current loop is refused. */
 cgl_error cgl_current_reference_init(cgl_current_reference *currents, const cgl_current_reference_config *config,
                                      cgl_drive *drive);
 
@@ -55,7 +55,8 @@ cgl_error cgl_current_reference_init(cgl_current_reference *currents, const cgl_
  * voltage is not finite or not positive. */
 void cgl_current_reference_step(const cgl_current_reference *currents, cgl_drive *drive);
 
-/* Controls the currents as cgl_drive_actuate() does. Then gives the law the equivalent of the measured currents as its i_q. */
+/* Controls the currents as cgl_drive_actuate() does. Then sets the i_q of the law's next input to the equivalent of the measured currents.
+ * */
 void cgl_current_reference_actuate(const cgl_current_reference *currents, cgl_drive *drive, cgl_drive_output *out);
 
 #ifdef __cplusplus

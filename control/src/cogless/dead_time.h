@@ -1,7 +1,8 @@
 /* Compensation of the inverter's dead time. A leg loses voltage while both its transistors are off, and across the devices that conduct.
  * The lost voltage has the sign of the phase current. This compensation adds the lost voltage to the duty cycles. The sign comes from the
  * current reference, which has no noise. The reference is delayed as the current loop delays the current, and transformed at the angle
- * where the voltage will act. In a band about zero current the sign is uncertain, so the correction is proportional to the current in the band.
+ * where the voltage will act. In a band about zero current the sign is uncertain. So within this band the correction is proportional to the
+ * current.
  *
  * After the current loop's step, once per period:
  *
@@ -47,8 +48,9 @@ void cgl_dead_time_reset(cgl_dead_time *dead_time);
 /* Replaces the config at run time, within the ranges that init accepts. */
 cgl_error cgl_dead_time_retune(cgl_dead_time *dead_time, const cgl_dead_time_config *config);
 
-/* Corrects the duty cycles of this period in place, within [0, 1]. It reads theta_e, omega_e, u_dc and the references of `in`. A duty
- * cycle of 0 or 1 has no edges and stays. If an input is not plausible, as cgl_foc_step() defines it, all duty cycles stay. */
+/* Corrects the duty cycles of this period in place, within [0, 1]. The function reads theta_e, omega_e, u_dc and the references of `in`.
+ * A duty cycle of 0 or 1 has no edges and stays. If one of these inputs is not plausible in the sense of cgl_foc_step(), or a reference is
+ * not finite, all duty cycles stay. */
 void cgl_dead_time_step(cgl_dead_time *dead_time, const cgl_foc_input *in, cgl_real duty[3]);
 
 #ifdef __cplusplus

@@ -35,7 +35,7 @@ typedef struct {
     uint32_t count;     /* counts moved forward minus counts moved backward, for a speed estimate; wraps at 2^32 */
     uint32_t position;  /* position of the rotor from angle zero [counts], below config.counts */
     uint32_t turns;     /* mechanical angle; 2^32 is a revolution */
-    bool placed;        /* the angle is right: the encoder is absolute, or its index has passed, or its place was set */
+    bool placed;        /* the angle is right: the encoder is absolute, or the index pulse has come, or cgl_encoder_place() was called */
 } cgl_encoder;
 
 /* Copies the config. `reading` is the present value of the register. */
@@ -44,7 +44,7 @@ cgl_error cgl_encoder_init(cgl_encoder *encoder, const cgl_encoder_config *confi
 /* Starts anew, as init does. */
 void cgl_encoder_reset(cgl_encoder *encoder, uint32_t reading);
 
-/* Takes a reading of the register. A value outside its range has no effect. */
+/* Takes a reading of the register. A reading that is not below config.range has no effect. */
 void cgl_encoder_step(cgl_encoder *encoder, uint32_t reading);
 
 /* Takes the index pulse. `reading` is what the register showed at the pulse, which may come before or after the last step. */

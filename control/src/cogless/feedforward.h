@@ -2,7 +2,7 @@
  *
  *   f(p) = sum_i num[i] y_ref(p + preview - i) - sum_{j >= 1} den[j] f(p - j)
  *
- * Before its first sample the reference has the value of the first sample. After its last sample it has the value of the last sample. */
+ * Before the first sample the reference counts as constant at its first value, and after the last sample as constant at its last value. */
 #ifndef COGLESS_FEEDFORWARD_H
 #define COGLESS_FEEDFORWARD_H
 

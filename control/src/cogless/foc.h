@@ -17,8 +17,8 @@ typedef struct {
     cgl_real kp_d, ki_d;    /* d-axis gains [V/A], [V/A/s], >= 0 */
     cgl_real kp_q, ki_q;    /* q-axis gains [V/A], [V/A/s], >= 0 */
     cgl_real current_limit; /* largest length of the current reference [A], > 0, to CGL_CURRENT_MAX */
-    cgl_real advance;       /* time from sampling until the voltage acts [periods], >= 0: 1.5 with one period of computation
-                               delay, 0.5 without */
+    cgl_real advance;       /* the voltage acts this many periods after sampling: 1.5 with one period of computation
+                               delay, 0.5 without [periods], >= 0 */
     bool decoupling;        /* true: the speed voltages are fed forward, by the three values below; usually true */
     cgl_real L_d, L_q;      /* inductances [H], >= 0 */
     cgl_real psi_f;         /* magnet flux linkage, peak per phase [V s], >= 0 */

@@ -49,7 +49,7 @@ CGL_SELDOM void cgl_hall_reset(cgl_hall *hall, uint32_t position)
 static void pass(cgl_hall *hall, uint32_t sectors, bool backward, uint32_t elapsed)
 {
     if (!hall->timed || backward != hall->backward) {
-        hall->known = 0U; /* no interval is measured: a reversal passes the same edge twice, and a first edge has none before it */
+        hall->known = 0U; /* no interval is measured: a reversal passes the same edge twice, and before a first edge there is no edge */
     } else {
         for (uint32_t n = 0; n < sectors; ++n) {
             hall->last = hall->last + 1U < CGL_HALL_EDGES ? hall->last + 1U : 0U;

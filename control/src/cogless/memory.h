@@ -39,9 +39,9 @@ typedef struct {
     cgl_real k_pp;                /* kind delay with CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; 0: default 10 */
 } cgl_memory_config;
 
-/* State of a map. The Q filter needs the entries of one period ago on both sides of the rotor. The cells behind the rotor already have
- * new values. So a ring of entries, stored after the map's entries, keeps the old entries of the cells passed last. While the rotor turns
- * backward, cells are counted from the other end of the map. So the cell number always rises. */
+/* State of a map. The Q filter needs the entries of one period ago on both sides of the rotor. But the cells that the rotor has just passed
+ * already have new values. So a ring of entries, stored after the map's entries, keeps the old values of these cells. While the rotor turns
+ * backward, cells are counted from the other end of the map, so the cell number always rises. */
 typedef struct {
     bool backward;                 /* true: cell n is entry cells - 1 - n, and x is -width less the place; false: cell n is entry n, and
                                       x is the place */
@@ -53,7 +53,7 @@ typedef struct {
     uint32_t turn;                 /* turn within a period of several turns */
     uint32_t x;                    /* place in the period, counted in the direction of motion [2^-32 periods] */
     uint32_t at;                   /* number of the cell at x or before it */
-    cgl_real part;                 /* share of the way from cell `at` to the next one */
+    cgl_real part;                 /* share of the way from cell `at` to the next cell at which x lies [-] */
     uint32_t width;                /* width of a cell [2^-32 periods] */
     cgl_real per_cell;             /* width of a cell, as a real number [2^-32 periods] */
     uint32_t most;                 /* longest way in a step in which the map learns [2^-32 periods] */
@@ -61,7 +61,7 @@ typedef struct {
     uint32_t head;                 /* ring index of the cell passed last */
     uint32_t half;                 /* number of cells on each side of `at` that the channels' `sum` covers; complete at q_half_width */
     uint32_t anew_left;            /* cells to pass until the channels' sums `anew` are complete */
-    uint32_t lag_x;                /* place of the last correction, `lead` samples behind x [2^-32 periods] */
+    uint32_t lag_x;                /* place of the last correction: the rotor's place `lead` samples before the last step [2^-32 periods] */
 } cgl_angle_map;
 
 /* State of one channel. A centred channel is one whose mean belongs to an integral beside the memory: see cgl_memory_centre(). */
@@ -85,7 +85,7 @@ typedef struct {
     cgl_real distance; /* delay: angle from the sample `then` to the newest one [periods] */
     cgl_real part;     /* share of the way from the sample `then` to the one before it */
     cgl_real span;     /* number of samples in the sum for the mean */
-    uint32_t then;     /* index of the oldest sample that is at most one period behind */
+    uint32_t then;     /* index of the oldest sample that is at most one period old */
     bool tracking;     /* delay: `then` and `part` belong to P_t */
 } cgl_delay_line;
 
@@ -130,8 +130,8 @@ const char *cgl_memory_bad_field(const cgl_memory_config *config, cgl_real ts);
 cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio, cgl_real *cell,
                           uint32_t length);
 
-/* Replaces forgetting, limit, lead, method and k_pp at run time; the other fields must not change. What is learned stays, within the new
- * limits. The run time grows with the number of cells. */
+/* Replaces forgetting, limit, lead, method and k_pp at run time; the other fields must not change. What is learned stays, but is
+ * clipped to the new limits. The run time grows with the number of cells. */
 cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
 
 /* Sets a second factor, 0 to 1, on the recalled value, beside `forgetting`. 1 has no effect. 0, with corrections of 0, clears the cells
@@ -151,12 +151,12 @@ void cgl_memory_reset(cgl_memory *memory);
  * channel's present value, before the limit. Without a lead the correction is a part of it. Returns whether the step has learned. A step
  * that does not learn adds no correction, and does not change a map by a single bit.
  *
- * theta is the angle [rad], any revolution below CGL_ANGLE_MAX. `speed` is the speed of theta [rad/s]. Kind time uses |speed|. Kind
- * delay runs while `speed` is > 0.
+ * theta is the angle [rad], over any number of turns; its magnitude is below CGL_ANGLE_MAX. `speed` is the speed of theta [rad/s]. Kind
+ * time uses |speed|. Kind delay runs while `speed` is > 0.
  *
  * No kind learns if `learn` is false, the angle is not plausible, a correction is not finite, or the speed is above cgl_memory_fastest().
- * After a jump or a reversal of the rotor, a map does not learn until the sum of its Q filter is complete again. This takes one step per
- * cell of q_half_width. A delay line stops while the period is longer than the line. Kind time also stops above cgl_memory_fastest(). While
+ * After a jump or a reversal of the rotor, a map does not learn until the sum of its Q filter is complete again. This takes q_half_width
+ * steps. A delay line stops while the period is longer than the line. Kind time also stops above cgl_memory_fastest(). While
  * a delay line stops, or the angle is not plausible, `value` is the last value.
  *
  * A rotor that turns back by less than a cell counts as standing. A jump is a step by more than a quarter of the period, or by more

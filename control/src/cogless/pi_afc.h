@@ -24,7 +24,7 @@ extern "C" {
 #define CGL_PI_AFC_LENGTH(orders) (3U * (orders))
 
 typedef struct {
-    cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
+    cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], bound of the law's output [A] */
     uint32_t orders;                   /* number of orders, 1 to CGL_PI_AFC_ORDERS */
     uint32_t order[CGL_PI_AFC_ORDERS]; /* orders of a mechanical revolution, rising, 1 to CGL_PI_AFC_ORDER_MAX */
     cgl_real gain;                     /* learning gain [A/rad], >= 0; 0: nothing is learned. With a guard a gain above 0 needs pi.kp > 0 */

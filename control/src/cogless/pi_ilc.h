@@ -17,7 +17,7 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_pi_config pi;         /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
+    cgl_pi_config pi;         /* kp [A s/rad], ki [A/rad], bound of the law's output [A] */
     cgl_real gain;            /* learning gain [A s/rad], >= 0; 0: nothing is learned. With a guard a gain above 0 needs pi.kp > 0 */
     cgl_memory_config memory; /* memory of u [A], with one channel; its limit is at most loop.current_limit */
 } cgl_pi_ilc_config;

@@ -30,7 +30,7 @@ typedef struct {
 cgl_error cgl_speed_count_init(cgl_speed_count *speed, const cgl_speed_count_config *config, cgl_real ts, uint32_t *before,
                                uint32_t length);
 
-/* Starts with a rotor that stands at this count. Its run time grows with the window. */
+/* Starts with a rotor that stands at this count. The run time of this function grows with the window. */
 void cgl_speed_count_reset(cgl_speed_count *speed, uint32_t count);
 
 /* Returns the mechanical speed [rad/s]. The count grows forward and wraps at 2^32. The speed must be below 2^31 counts in a window. */
