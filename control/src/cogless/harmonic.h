@@ -134,7 +134,7 @@ typedef struct {
 const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop);
 
 /* `loop` is drive.loop. loop.feed_forward must be false, because the observer needs the feedback's current. `cell` has
- * CGL_HARMONIC_LENGTH(orders) entries, which are cleared and stay in use. */
+ * CGL_HARMONIC_LENGTH(orders) entries. Init clears them, and the law uses them from then on. */
 cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, const cgl_loop *loop, cgl_real *cell,
                             uint32_t length);
 

@@ -46,7 +46,7 @@ typedef struct {
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_pi_afc_bad_field(const cgl_pi_afc_config *config, const cgl_loop *loop);
 
-/* `loop` is drive.loop. `coefficient` has CGL_PI_AFC_LENGTH(orders) entries, which are cleared and stay in use. */
+/* `loop` is drive.loop. `coefficient` has CGL_PI_AFC_LENGTH(orders) entries. Init clears them, and the law uses them from then on. */
 cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, const cgl_loop *loop, cgl_real *coefficient,
                           uint32_t length);
 
