@@ -141,7 +141,7 @@ CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
     line->distance -= moved;
 }
 
-/* Finds P_t if the angle has risen. Returns whether it has risen. */
+/* Finds P_t if the angle has risen. Returns whether the angle has risen. */
 static bool find_angle(cgl_memory *memory, uint32_t place, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
@@ -173,8 +173,8 @@ CGL_SELDOM static void store_angle(cgl_memory *memory, uint32_t next)
 
 /* ---- kinds time and delay: recalling, correcting and storing a sample ---- */
 
-/* Returns the sum of 2 m + 1 samples about the place of one period ago. This place is between `then` and the sample before; the sum is
- * interpolated there. */
+/* Returns the sum of 2 m + 1 samples about the place of one period ago. This place is between the sample `then` and the sample before
+ * `then`, and the sum is interpolated between sums about these two samples. */
 CGL_SELDOM static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t m)
 {
     const uint32_t length = memory->row;

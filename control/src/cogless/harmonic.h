@@ -52,8 +52,8 @@ typedef struct {
     cgl_real k_theta;   /* gain of the position error [1/s], >= 0; 0: only the speed is controlled. The position error is taken the shorter
                            way round */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 must be > 0 and finite too */
-    cgl_real delay;     /* delay of the current behind its reference [s], 0 to 16 ts. It does not include the half period for which a
-                           reference is held on average */
+    cgl_real delay;     /* delay of the current behind its reference [s], 0 to 16 ts. The delay does not include the half period for
+                           which a reference is held on average */
     cgl_real step;      /* resolution of the measured angle [rad], >= 0, if the speed is measured by the time between two edges: the law
                            computes the angle between two edges from this speed. 0: the speed is measured in another way */
     uint32_t base;      /* lowest learned order of a mechanical revolution; the others are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */

@@ -102,7 +102,7 @@ static uint32_t header_crc(const uint32_t *word)
     return crc;
 }
 
-/* Returns entry k, counted through one channel after the other. Sets *channel to its channel. */
+/* Returns entry k, counted through one channel after the other. Sets *channel to the channel of this entry. */
 static cgl_real *entry_at(const cgl_map *map, uint32_t k, uint32_t *channel)
 {
     *channel = k / map->cells;
@@ -432,7 +432,7 @@ CGL_SELDOM static cgl_map_result look(cgl_map_store *store)
     return go_on(store, CGL_STORE_SUM, CGL_MAP_HEADER);
 }
 
-/* Computes the CRC of the present entries and the padding. At their end it chooses the slot and computes the header. */
+/* Computes the CRC of the present entries and the padding. At the end of the padding, chooses the slot and computes the header. */
 CGL_SELDOM static cgl_map_result sum(cgl_map_store *store)
 {
     const uint32_t count = smaller(store->chunk, store->end - store->position);

@@ -1,7 +1,7 @@
 /* The memory of a learning law. The memory recalls what was learned one period of an angle ago, for up to three functions of the angle at
  * once. Each function is a channel.
  *
- * There are three kinds. CGL_MEMORY_ANGLE is a map over the period, whose cells are written as the rotor passes them. It allows any
+ * There are three kinds. CGL_MEMORY_ANGLE is a map over the period, whose cells are written as the rotor passes them. A map allows any
  * speed, standstill and reversal. CGL_MEMORY_TIME is a delay line as long as a period at the reference speed. CGL_MEMORY_DELAY is a
  * delay line that is read at the time P_t ago, when the angle was one period less (Verrelli 2016); see delay_line.h. */
 #ifndef COGLESS_MEMORY_H
@@ -31,7 +31,8 @@ typedef struct {
     uint32_t q_half_width;        /* half width of the Q filter [entries], 0 to cells / 2 - 1; 0: no filter; default 0. The filter is a
                                      zero-phase low-pass: the mean of an entry and of q_half_width entries on each side */
     uint32_t lead;                /* delay of the loop for which learning makes up [samples], 0 to cells / 4; default 0. A correction is
-                                     stored at the place of `lead` samples ago; with 0 at the present place, so that it acts at once */
+                                     stored at the place of `lead` samples ago. With a lead of 0 this is the present place, so the
+                                     correction acts at once */
     cgl_real forgetting;          /* factor on the recalled value, before the correction is added [-], > 0, <= 1; 0: default 1 */
     cgl_real limit[CGL_CHANNELS]; /* bound of the magnitude of a channel's entries [unit of the entry], > 0 for each channel in use;
                                      2 (q_half_width + 1) limit must be finite */
@@ -71,7 +72,7 @@ typedef struct {
     cgl_real sum;        /* map: sum of the entries in the Q filter, as they were before the rotor passed them */
     cgl_real anew;       /* map: the same sum, begun anew. Once complete, it replaces `sum`, to remove rounding errors */
     cgl_real correction; /* map: last correction */
-    cgl_real partial;    /* sum of the entries read so far for the mean over this period */
+    cgl_real partial;    /* sum of the entries that have been read for the mean over this period, each divided by `cells` */
     cgl_real drain;      /* centred: part of the mean that the next period removes, times the number of entries in the Q filter */
     cgl_real transfer;   /* centred: part of the mean that the last learning step removed, for the caller to add to the integral */
 } cgl_channel;

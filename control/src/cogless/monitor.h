@@ -34,8 +34,8 @@ extern "C" {
 
 /* A bound of 0 checks nothing. A value that is not finite is never plausible. Each time is 1e9 ts at most. */
 typedef struct {
-    cgl_real omega_max;    /* largest plausible mechanical speed [rad/s], >= 0; default 0. It is the rotor's largest speed, plus what one
-                              count more of the sensor in the speed window adds to the measured speed */
+    cgl_real omega_max;    /* largest plausible mechanical speed [rad/s], >= 0; default 0. Use the rotor's largest speed, plus the speed
+                              that one more count of the sensor in speed_window adds to the measured speed */
     cgl_real angle_step;   /* mechanical resolution of the angle sensor [rad], >= 0; default 0 */
     cgl_real speed_window; /* time over which the speed is measured [s], >= 0. For this time after a jump of the angle the speed is not
                               plausible */

@@ -25,8 +25,8 @@ typedef struct {
     uint32_t oldest;    /* index of the oldest entry of the ring */
 } cgl_speed_count;
 
-/* Copies the config. The caller's `window` entries at `before` stay in use. ts is the period of the steps [s], > 0. The rotor counts
- * as standing at count 0. */
+/* Copies the config. The caller's memory at `before`, of `window` entries or more, is used from then on. ts is the period of the steps [s],
+ * > 0. The rotor counts as standing at count 0. */
 cgl_error cgl_speed_count_init(cgl_speed_count *speed, const cgl_speed_count_config *config, cgl_real ts, uint32_t *before,
                                uint32_t length);
 
