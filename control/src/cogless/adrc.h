@@ -41,8 +41,7 @@ const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *lo
 
 cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, const cgl_loop *loop);
 
-/* Replaces gains and limits at run time, as cgl_pi_retune() does. The estimates stay, but f is clipped to the new
- * b * limit. */
+/* Replaces gains and limits at run time, as cgl_pi_retune() does. The estimates stay, but f is clipped to the new b * limit. */
 cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *config);
 
 void cgl_adrc_reset(cgl_adrc *law);

@@ -1,6 +1,6 @@
-/* Speed from an angle alone, by a third-order observer of angle, speed and acceleration with three equal poles. The observer needs
- * neither edge times nor the torque. At constant acceleration the estimated speed has no lasting error. Ripple of the speed above the
- * bandwidth is smoothed.
+/* Speed from an angle alone, by a third-order observer of angle, speed and acceleration with three equal poles. The observer needs neither
+ * edge times nor the torque. At constant acceleration the estimated speed has no lasting error. Ripple of the speed above the bandwidth is
+ * smoothed.
  *
  *   prediction   theta' = theta + ts omega + ts^2/2 alpha,   omega' = omega + ts alpha
  *   correction   e = measured - theta',   p = exp(-bandwidth ts)

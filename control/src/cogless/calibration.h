@@ -52,9 +52,8 @@ cgl_error cgl_offsets_init(cgl_offsets *offsets, const cgl_offsets_config *confi
 /* Begins anew. */
 void cgl_offsets_reset(cgl_offsets *offsets);
 
-/* Takes one sample. Fails if a current is not finite, if two samples of a phase differ by more than `spread`, or if the mean of a phase
- * is beyond +-`largest`. After a failure the step returns CGL_CALIBRATION_FAILED until a
- * reset. */
+/* Takes one sample. Fails if a current is not finite, if two samples of a phase differ by more than `spread`, or if the mean of a phase is
+ * beyond +-`largest`. After a failure the step returns CGL_CALIBRATION_FAILED until a reset. */
 cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3]);
 
 typedef struct {

@@ -30,8 +30,8 @@ CGL_SELDOM const char *cgl_current_reference_bad_field(const cgl_current_referen
     return cgl_is_within(saliency, CGL_SALIENCY_MAX) ? 0 : CGL_FIELD("current_reference.psi_f");
 }
 
-/* Returns the d-axis current of most torque at the current limit, as a share of the limit. The condition of most torque is
- * x (x - 1) = y^2, with x = saliency d and y = saliency q. */
+/* Returns the d-axis current of most torque at the current limit, as a share of the limit. The condition of most torque is x (x - 1) = y^2,
+ * with x = saliency d and y = saliency q. */
 CGL_SELDOM static cgl_real d_at_limit(cgl_real saliency)
 {
     return CGL_R(-2.0) * saliency / (CGL_R(1.0) + cgl_square_root(CGL_R(1.0) + CGL_R(8.0) * saliency * saliency));
@@ -102,9 +102,9 @@ static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
     return u_d * u_d + u_q * u_q - CGL_R(1.0);
 }
 
-/* Returns the largest torque with the d-axis current d within the limits of current and voltage. If no torque is possible, the
- * result is minus the least excess of the voltage. So the result has only one maximum over d: the logarithm of the torque is concave, and
- * the excess is convex. */
+/* Returns the largest torque with the d-axis current d within the limits of current and voltage. If no torque is possible, the result is
+ * minus the least excess of the voltage. So the result has only one maximum over d: the logarithm of the torque is concave, and the excess
+ * is convex. */
 CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
 {
     const cgl_real q_max = q_at_limit(d);

@@ -55,8 +55,8 @@ cgl_error cgl_current_reference_init(cgl_current_reference *currents, const cgl_
  * voltage is not finite or not positive. */
 void cgl_current_reference_step(const cgl_current_reference *currents, cgl_drive *drive);
 
-/* Controls the currents as cgl_drive_actuate() does. Then sets the i_q of the law's next input to the equivalent of the measured currents.
- * */
+/* Controls the currents as cgl_drive_actuate() does. Then sets the i_q of the law's next input to the equivalent of the measured
+ * currents. */
 void cgl_current_reference_actuate(const cgl_current_reference *currents, cgl_drive *drive, cgl_drive_output *out);
 
 #ifdef __cplusplus

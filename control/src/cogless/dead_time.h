@@ -48,8 +48,8 @@ void cgl_dead_time_reset(cgl_dead_time *dead_time);
 /* Replaces the config at run time, within the ranges that init accepts. */
 cgl_error cgl_dead_time_retune(cgl_dead_time *dead_time, const cgl_dead_time_config *config);
 
-/* Corrects the duty cycles of this period in place, within [0, 1]. The function reads theta_e, omega_e, u_dc and the references of `in`.
- * A duty cycle of 0 or 1 has no edges and stays. If one of these inputs is not plausible in the sense of cgl_foc_step(), or a reference is
+/* Corrects the duty cycles of this period in place, within [0, 1]. The function reads theta_e, omega_e, u_dc and the references of `in`. A
+ * duty cycle of 0 or 1 has no edges and stays. If one of these inputs is not plausible in the sense of cgl_foc_step(), or a reference is
  * not finite, all duty cycles stay. */
 void cgl_dead_time_step(cgl_dead_time *dead_time, const cgl_foc_input *in, cgl_real duty[3]);
 

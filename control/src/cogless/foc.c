@@ -106,8 +106,8 @@ static bool is_shorter(vector x, vector than)
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-/* Returns the error that the integral takes: the error less the part whose proportional voltage was cut off. `missing` is the voltage
- * after the cut less the voltage before the cut [V]. */
+/* Returns the error that the integral takes: the error less the part whose proportional voltage was cut off. `missing` is the voltage after
+ * the cut less the voltage before the cut [V]. */
 static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 {
     return kp > CGL_R(0.0) ? error + missing / kp : error;

@@ -5,8 +5,8 @@
  * and a half mean intervals, the speed falls with the time since the last edge. After a reversal the speed is 0 until the next edge.
  *
  * The board passes the sector, 0 to 5 in the order of the forward electrical angle. The board gets the sector from a table of its wiring.
- * Any other value is a wrong code of the sensors and counts as no edge. The board also passes the value of a timer that it
- * captured at the last edge:
+ * Any other value is a wrong code of the sensors and counts as no edge. The board also passes the value of a timer that it captured at the
+ * last edge:
  *
  *   cgl_hall_step(&hall, sector_of[board_hall()], captured, board_timer());
  *   now.theta_m = cgl_radians(hall.turns);   now.omega_m = hall.omega_m; */

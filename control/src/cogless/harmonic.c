@@ -243,9 +243,9 @@ static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
-/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. Both depend on the bend's variance,
- * which comes from the noise of the orders. The bend is learned from the slow orders only, and not while the fast orders have
- * most of the ripple. `begun`: learning time of the orders times their full rate. */
+/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. Both depend on the bend's variance, which
+ * comes from the noise of the orders. The bend is learned from the slow orders only, and not while the fast orders have most of the ripple.
+ * `begun`: learning time of the orders times their full rate. */
 CGL_APART static void set_bend_rate(cgl_harmonic *law, cgl_real begun)
 {
     cgl_harmonic_bend *const bend = &law->bend;

@@ -71,8 +71,8 @@ extern "C" {
 #endif
 
 /* The check with which every law's init begins. Returns the first field that is refused, as CGL_FIELD; NULL: none. Refused are a field of
- * the loop or of the config outside its range, and a limit above loop.current_limit. The last row of `range` is the config's limit of
- * the output [A]. */
+ * the loop or of the config outside its range, and a limit above loop.current_limit. The last row of `range` is the config's limit of the
+ * output [A]. */
 const char *cgl_law_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop);
 #define CGL_LAW_BAD_FIELD(config, range, loop) cgl_law_bad_field((config), (range), CGL_ROWS(range), (loop))
 

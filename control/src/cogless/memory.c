@@ -308,8 +308,8 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
     }
 }
 
-/* Restarts the map where the rotor does not continue its motion: at a start, a jump or a reversal. Returns the way since the
- * last step [2^-32 periods] if this is a jump by more than a quarter of the period, else 0. */
+/* Restarts the map where the rotor does not continue its motion: at a start, a jump or a reversal. Returns the way since the last step
+ * [2^-32 periods] if this is a jump by more than a quarter of the period, else 0. */
 CGL_SELDOM static uint32_t start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;

@@ -2,8 +2,8 @@
  * once. Each function is a channel.
  *
  * There are three kinds. CGL_MEMORY_ANGLE is a map over the period, whose cells are written as the rotor passes them. A map allows any
- * speed, standstill and reversal. CGL_MEMORY_TIME is a delay line as long as a period at the reference speed. CGL_MEMORY_DELAY is a
- * delay line that is read at the time P_t ago, when the angle was one period less (Verrelli 2016); see delay_line.h. */
+ * speed, standstill and reversal. CGL_MEMORY_TIME is a delay line as long as a period at the reference speed. CGL_MEMORY_DELAY is a delay
+ * line that is read at the time P_t ago, when the angle was one period less (Verrelli 2016); see delay_line.h. */
 #ifndef COGLESS_MEMORY_H
 #define COGLESS_MEMORY_H
 
@@ -131,8 +131,8 @@ const char *cgl_memory_bad_field(const cgl_memory_config *config, cgl_real ts);
 cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio, cgl_real *cell,
                           uint32_t length);
 
-/* Replaces forgetting, limit, lead, method and k_pp at run time; the other fields must not change. What is learned stays, but is
- * clipped to the new limits. The run time grows with the number of cells. */
+/* Replaces forgetting, limit, lead, method and k_pp at run time; the other fields must not change. What is learned stays, but is clipped to
+ * the new limits. The run time grows with the number of cells. */
 cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
 
 /* Sets a second factor, 0 to 1, on the recalled value, beside `forgetting`. 1 has no effect. 0, with corrections of 0, clears the cells
@@ -157,11 +157,11 @@ void cgl_memory_reset(cgl_memory *memory);
  *
  * No kind learns if `learn` is false, the angle is not plausible, a correction is not finite, or the speed is above cgl_memory_fastest().
  * After a jump or a reversal of the rotor, a map does not learn until the sum of its Q filter is complete again. This takes q_half_width
- * steps. A delay line stops while the period is longer than the line. Kind time also stops above cgl_memory_fastest(). While
- * a delay line stops, or the angle is not plausible, `value` is the last value.
+ * steps. A delay line stops while the period is longer than the line. Kind time also stops above cgl_memory_fastest(). While a delay line
+ * stops, or the angle is not plausible, `value` is the last value.
  *
- * A rotor that turns back by less than a cell counts as standing. A jump is a step by more than a quarter of the period, or by more
- * cells than 16 plus twice those of the last step. */
+ * A rotor that turns back by less than a cell counts as standing. A jump is a step by more than a quarter of the period, or by more cells
+ * than 16 plus twice those of the last step. */
 bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
                      cgl_real *value);
 

@@ -6,10 +6,10 @@
  *
  * Gap: angles are missing, because they are not finite or jump in every period. The last speed bridges a gap of up to `bridge`. If the gap
  * is longer, or the speed is implausible for longer, the output becomes safe: zero voltage. As soon as two successive angles agree, the
- * sensor gives the angle again. Learning waits until as many angles agree as were missing, at most bridge / ts + 1.
- * After a gap the sensor's offset, which is the sum of its jumps, is 0 or the same as before the gap, whichever puts the rotor nearer to
- * its expected place. If the rotor can be at neither place, the sensor has jumped. If a sensor that already has an offset has a gap longer
- * than `bridge`, the rotor's place is unknown. The output then stays safe until cgl_monitor_trust().
+ * sensor gives the angle again. Learning waits until as many angles agree as were missing, at most bridge / ts + 1. After a gap the
+ * sensor's offset, which is the sum of its jumps, is 0 or the same as before the gap, whichever puts the rotor nearer to its expected
+ * place. If the rotor can be at neither place, the sensor has jumped. If a sensor that already has an offset has a gap longer than
+ * `bridge`, the rotor's place is unknown. The output then stays safe until cgl_monitor_trust().
  *
  * Stuck: the angle stands still while the reference turns. Once the reference has turned by a quarter of stuck_angle, learning stops, and
  * the feedback gets time to raise the current. The output becomes safe once the reference has turned by stuck_angle and full current has

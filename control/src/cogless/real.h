@@ -60,8 +60,8 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
 }
 #endif
 
-/* CGL_SELDOM marks a function that is seldom called: the compiler makes it small, and keeps it apart from the others. (For
- * Frama-C 25 the macro is empty: with it, Frama-C loses the values of a struct that such a function returns.) */
+/* CGL_SELDOM marks a function that is seldom called: the compiler makes it small, and keeps it apart from the others. (For Frama-C 25 the
+ * macro is empty: with it, Frama-C loses the values of a struct that such a function returns.) */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #define CGL_SELDOM __attribute__((noinline, cold))
 #define CGL_APART __attribute__((noinline)) /* marks a function that is often called, and is faster with registers of its own */
@@ -129,8 +129,8 @@ static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
     return CGL_OFTEN(cgl_is_within(x, limit)) ? x : cgl_clamped(x, limit);
 }
 
-/* The same as cgl_clamped(), without any call. This function is for the few places that run most often: a call would cost them registers.
- * */
+/* The same as cgl_clamped(), without any call. This function is for the few places that run most often: a call would cost them
+ * registers. */
 static inline cgl_real cgl_clamp_here(cgl_real x, cgl_real limit)
 {
     if (CGL_OFTEN(cgl_is_within(x, limit))) {
