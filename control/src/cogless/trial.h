@@ -28,8 +28,8 @@
  * that the observer finds missing at sample p: the law stores r(p - 2) in place of e(p). With n = 1, k_3 = 1, shift = 2 and Q on the
  * signal, learning is v <- Q (v + r).
  *
- * A guard (trial_guard.h) judges the error of every complete trial. If learning leaves a larger error than the best v so far, or than v =
- * 0, v goes back to the better of the two.
+ * A guard (trial_guard.h) judges the error of every complete trial. If learning leaves a larger error than the best v so far, or than
+ * v = 0, v goes back to the better of the two.
  *
  * The plant determines the units of x, y and u. Usually v has the unit of y, and N is a gain. If N = 1 and v does not go through the
  * integrator, v has the unit of u.

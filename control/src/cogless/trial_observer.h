@@ -1,8 +1,8 @@
 /* An observer of the error y_ref - y in a trial (trial.h). The observer also gives a feedback, and the input that was missing in the trial.
  *
- * The plant is a double integrator with a disturbance d at its input, y'' = b (u - d). T = f + N v is the input that is fed forward, u_fb =
- * u - T is the feedback, and T* is the input that would keep the error zero. So e'' = b (T* - T - u_fb). g = b Ts^2 is the change per
- * sample that one unit of the input adds in one sample. The observer estimates e, its change per sample s, and a = g (T* - T):
+ * The plant is a double integrator with a disturbance d at its input, y'' = b (u - d). T = f + N v is the input that is fed forward,
+ * u_fb = u - T is the feedback, and T* is the input that would keep the error zero. So e'' = b (T* - T - u_fb). g = b Ts^2 is the change
+ * per sample that one unit of the input adds in one sample. The observer estimates e, its change per sample s, and a = g (T* - T):
  *
  *   e- = e + s + (a - g u_fb) / 2,  s- = s + a - g u_fb                        from one sample to the next
  *   e = e- + l_1 (e_m - e-),  s = s- + l_2 (e_m - e-),  a += l_3 (e_m - e-)    e_m: measured
@@ -19,8 +19,8 @@
  *   r(p) = T*(p) - T(p) = u_fb(p) + (e(p + 2) - e(p + 1) - e(p) + e(p - 1)) / (2 g)
  *
  * This difference of e has no phase shift: for a double integrator with a held input its response is cos^2(w Ts / 2) at the angular
- * frequency w. If b is wrong by the factor beta, and S is the sensitivity of the feedback, a trial leaves the share S (1 - beta cos^2(w Ts
- * / 2)) of T* - T. */
+ * frequency w. If b is wrong by the factor beta, and S is the sensitivity of the feedback, a trial leaves the share
+ * S (1 - beta cos^2(w Ts / 2)) of T* - T. */
 #ifndef COGLESS_TRIAL_OBSERVER_H
 #define COGLESS_TRIAL_OBSERVER_H
 
