@@ -60,7 +60,7 @@ typedef struct {
     cgl_real theta;  /* uncorrected angle of the last step [rad] */
     cgl_real error;  /* error that the last step subtracted from theta [rad] */
     uint32_t settle; /* number of steps in which the observer settles: 10 / (bandwidth ts) */
-    uint32_t wait;   /* steps until the observer has settled, before which nothing is learned */
+    uint32_t wait;   /* steps until the observer has settled; until then nothing is learned */
     bool learning;   /* the last step has learned */
 } cgl_encoder_table;
 

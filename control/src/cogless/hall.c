@@ -23,7 +23,7 @@ CGL_SELDOM cgl_error cgl_hall_init(cgl_hall *hall, const cgl_hall_config *config
     return CGL_OK;
 }
 
-/* a + b, or 2^32 - 1 if that is less. */
+/* a + b, limited to 2^32 - 1. */
 static uint32_t sum(uint32_t a, uint32_t b)
 {
     return b > UINT32_MAX - a ? UINT32_MAX : a + b;

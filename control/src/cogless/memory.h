@@ -73,21 +73,21 @@ typedef struct {
     cgl_real anew;       /* map: the same sum, begun anew. Once complete, it replaces `sum`, to remove rounding errors */
     cgl_real correction; /* map: last correction */
     cgl_real partial;    /* sum of the entries that have been read for the mean over this period, each divided by `cells` */
-    cgl_real drain;      /* centred: part of the mean that the next period removes, times the number of entries in the Q filter */
-    cgl_real transfer;   /* centred: part of the mean that the last learning step removed, for the caller to add to the integral */
+    cgl_real drain;      /* centred channel: part of the mean that the next period removes, times the number of entries in the Q filter */
+    cgl_real transfer;   /* centred channel: part of the mean that the last learning step removed, for the caller to add to the integral */
 } cgl_channel;
 
 /* State of a delay line, which is a ring of samples. */
 typedef struct {
     uint32_t newest;   /* index of the newest sample */
     uint32_t known;    /* number of samples stored */
-    cgl_real x;        /* delay: the angle [periods], in [0, 1) */
-    cgl_real p_t;      /* delay: P_t [s]; 0 if it is unknown */
-    cgl_real distance; /* delay: angle from the sample `then` to the newest one [periods] */
+    cgl_real x;        /* kind delay: the angle [periods], in [0, 1) */
+    cgl_real p_t;      /* kind delay: P_t [s]; 0 if it is unknown */
+    cgl_real distance; /* kind delay: angle from the sample `then` to the newest one [periods] */
     cgl_real part;     /* share of the way from the sample `then` to the one before it */
     cgl_real span;     /* number of samples in the sum for the mean */
     uint32_t then;     /* index of the oldest sample that is at most one period old */
-    bool tracking;     /* delay: `then` and `part` belong to P_t */
+    bool tracking;     /* kind delay: `then` and `part` belong to P_t */
 } cgl_delay_line;
 
 typedef struct {

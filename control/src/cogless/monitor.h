@@ -85,7 +85,7 @@ typedef struct {
     uint32_t speed_lost;        /* successive periods in which speed_wait was not 0 */
     uint32_t standstill;        /* periods of the angle's standstill after the reference had turned by a quarter of stuck_angle */
     uint32_t full_current;      /* periods of `standstill` with full current, less the periods without full current */
-    uint32_t stuck_after;       /* value of standstill when the rotor began to count as stuck; 0: it is not stuck */
+    uint32_t stuck_after;       /* value of `standstill` when the rotor began to count as stuck; 0: the rotor does not count as stuck */
     uint32_t hold_wait;         /* periods for which the output stays safe */
     uint32_t jumps;             /* jumps of the angle since init or reset, a jump back included; the count stops at its largest value */
     unsigned status;            /* CGL_STATUS_ bits of the last step */

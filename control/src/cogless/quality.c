@@ -119,8 +119,8 @@ CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
     const cgl_real bound = larger(config->outlier * config->outlier * square, config->floor * config->floor);
     const cgl_real peak = quality->has_long_run ? quality->peak_square : CGL_R(0.0);
     const cgl_real lasting = LASTING_SQUARE * (peak < quality->last_peak_square ? peak : quality->last_peak_square);
-    /* A window whose errors are all 0, as at rest, does not tell which error is usual. If `floor` is 0 too,
-     * no error of the next window is an outlier. */
+    /* A window whose errors are all 0, as at rest, does not tell which error is usual. If config.floor is
+     * also 0, no error of the next window is an outlier. */
     quality->outlier_square = bound > CGL_R(0.0) && bound < SQUARE_MAX ? bound : SQUARE_MAX;
     quality->refused_square = larger(quality->outlier_square, lasting);
     quality->last_peak_square = peak;

@@ -33,7 +33,7 @@ typedef struct {
  * the window's earlier parts. [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with
  * shorter instructions. */
 typedef struct {
-    bool run_positive;            /* sign of the errors in the present run */
+    bool run_positive;            /* true: the errors of the present run are positive */
     bool has_long_run;            /* this window has had a run of at least four outliers of one sign */
     bool learned;                 /* something was learned in this window */
     bool began;                   /* a window in which something was learned has ended */

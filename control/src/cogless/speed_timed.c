@@ -43,7 +43,7 @@ void cgl_edges_pass(cgl_edges *edges, uint32_t count, uint32_t time)
     edges->time = time;
 }
 
-/* a + b, or 2^32 - 1 if that is less. */
+/* a + b, limited to 2^32 - 1. */
 static uint32_t sum(uint32_t a, uint32_t b)
 {
     return b > UINT32_MAX - a ? UINT32_MAX : a + b;
