@@ -2,7 +2,7 @@
 
 #include "decay.h"
 
-#define FASTEST CGL_R(2.0) /* largest bandwidth * ts: with a larger one the observer smooths nothing */
+#define FASTEST CGL_R(2.0) /* largest omega_o * ts [-]: with a larger product the observer would hardly smooth */
 
 CGL_SELDOM const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *loop)
 {

@@ -3,7 +3,7 @@
 #include "decay.h"
 #include "turns.h"
 
-#define FASTEST CGL_R(2.0) /* largest bandwidth * ts: with a larger one the observer smooths nothing */
+#define FASTEST CGL_R(2.0) /* largest bandwidth * ts [-]: with a larger product the observer would hardly smooth */
 
 CGL_SELDOM cgl_error cgl_angle_observer_init(cgl_angle_observer *observer, const cgl_angle_observer_config *config,
                                              cgl_real ts)

@@ -1,5 +1,6 @@
-/* Speed from an angle alone, by a third-order observer of angle, speed and acceleration with three equal poles. The observer needs
- * neither edge times nor the torque. At constant acceleration its speed has no error. Ripple of the speed beyond the bandwidth is smoothed.
+/* Speed from an angle alone, by a third-order observer of angle, speed and acceleration with three equal poles. The observer needs neither
+ * edge times nor the torque. At constant acceleration the estimated speed has no lasting error. Ripple of the speed above the bandwidth is
+ * smoothed.
  *
  *   prediction   theta' = theta + ts omega + ts^2/2 alpha,   omega' = omega + ts alpha
  *   correction   e = measured - theta',   p = exp(-bandwidth ts)
@@ -39,10 +40,10 @@ cgl_error cgl_angle_observer_init(cgl_angle_observer *observer, const cgl_angle_
 /* Changes the bandwidth at run time, within the range that init accepts. The state stays. */
 cgl_error cgl_angle_observer_retune(cgl_angle_observer *observer, const cgl_angle_observer_config *config);
 
-/* Starts at this angle [2^-32 turns] and speed [rad/s]. */
+/* Starts at this angle [2^-32 turns] and speed [rad/s], with an acceleration of 0. */
 void cgl_angle_observer_reset(cgl_angle_observer *observer, uint32_t theta, cgl_real omega);
 
-/* Takes the measured angle [2^-32 turns]. Afterwards theta, omega and alpha belong to this instant. */
+/* Takes the measured angle [2^-32 turns]. Afterwards the fields theta, omega and alpha are the estimates for the instant of this angle. */
 void cgl_angle_observer_step(cgl_angle_observer *observer, uint32_t theta);
 
 #ifdef __cplusplus

@@ -87,7 +87,7 @@ CGL_SELDOM void cgl_anti_cogging_calibrate(cgl_anti_cogging *law)
     law->stage = CGL_ANTI_COGGING_FORWARD;
 }
 
-/* Bound of the count of revolutions; no run makes as many. */
+/* Bound of law->turns, which no calibration run reaches. */
 #define TURNS_MAX 1000
 
 static void count_turn(cgl_anti_cogging *law, bool up)
@@ -99,7 +99,7 @@ static void count_turn(cgl_anti_cogging *law, bool up)
     }
 }
 
-/* Follows the rotor over whole revolutions. Between two calls it turns by less than half a revolution. */
+/* Follows the rotor over whole revolutions. The rotor must turn by less than half a revolution between two calls. */
 CGL_SELDOM static void follow(cgl_anti_cogging *law, cgl_real theta_m)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -123,7 +123,7 @@ static cgl_real direction(const cgl_anti_cogging *law)
     return law->stage == CGL_ANTI_COGGING_BACKWARD ? CGL_R(-1.0) : CGL_R(1.0);
 }
 
-/* Begins a direction. The first entry to be recorded is an eighth of a revolution ahead. */
+/* Begins one direction of the calibration run. The first entry to be recorded is an eighth of a revolution ahead. */
 CGL_SELDOM static void start_direction(cgl_anti_cogging *law, cgl_anti_cogging_stage stage)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -136,7 +136,7 @@ CGL_SELDOM static void start_direction(cgl_anti_cogging *law, cgl_anti_cogging_s
     law->samples = 0U;
 }
 
-/* Ends the calibration. Subtracts the mean over the revolution, which is load and not cogging. */
+/* Ends the calibration. Subtracts the mean of the table, which is load and not cogging. */
 CGL_SELDOM static void finish(cgl_anti_cogging *law)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -153,9 +153,9 @@ CGL_SELDOM static void finish(cgl_anti_cogging *law)
     cgl_pi_reset(&law->pi);
 }
 
-/* Records a sample. An entry covers half a cell on either side of its angle. When the rotor leaves an entry, the mean current there is
- * added to the table. Entries that the rotor jumped over get the same mean. A rotor that rocks back records nothing twice. If a sample
- * must not be learned, its entry is recorded one revolution later. */
+/* Records a sample. An entry covers half a cell on either side of its angle. When the rotor leaves an entry, half the mean of the entry's
+ * samples, divided by `revolutions`, is added to the table. For an entry that the rotor jumped over, the present sample takes the place of
+ * that mean. A rotor that rocks back records nothing twice. If a sample must not be learned, its entry is recorded one revolution later. */
 CGL_SELDOM static void record(cgl_anti_cogging *law, cgl_real i_q, bool learn)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -167,7 +167,7 @@ CGL_SELDOM static void record(cgl_anti_cogging *law, cgl_real i_q, bool learn)
         return;
     }
     if (!learn) {
-        count_turn(law, backward); /* counts one revolution less: the entry is then still ahead */
+        count_turn(law, backward); /* counts one revolution less, so that the entry is still ahead */
         law->sum = CGL_R(0.0);
         law->samples = 0U;
         return;
@@ -195,13 +195,13 @@ static cgl_real look_up(const cgl_anti_cogging *law, cgl_real theta_m)
     return cgl_clamp(here + (x - (cgl_real)n) * (next - here), config->pi.limit);
 }
 
-/* Looks the current up in the table, at a plausible angle. */
+/* Looks the current up in the table. theta_m and omega_m must be plausible. */
 static void look(cgl_anti_cogging *law, const cgl_law_input *in)
 {
     law->looked_up = cgl_law_share(in) * look_up(law, in->theta_m + law->config.lead * in->omega_m);
 }
 
-/* Sets the output while off or in torque mode. A calibration begins anew afterwards. */
+/* Sets the output while the law is off or in torque mode. A calibration that this interrupts begins anew afterwards. */
 CGL_SELDOM static void stand_by(cgl_anti_cogging *law, const cgl_law_input *in, cgl_law_output *out)
 {
     law->looked_up = CGL_R(0.0);

@@ -59,7 +59,8 @@ cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3])
     return offsets->result;
 }
 
-/* Stages of the alignment. In each stage the field goes to its place, the rotor comes to rest, and its angle is read. */
+/* Stages of the alignment. In each stage but the last the field goes to the stage's place, the rotor comes to rest, and the rotor's angle
+ * is read. In FALL the current falls to 0. */
 enum { RISE, FORWARD_HALF, FORWARD_REST, BACK, FALL };
 
 CGL_SELDOM cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_real ts)
@@ -101,7 +102,7 @@ static cgl_real toward(cgl_real x, cgl_real to, cgl_real step)
     return cgl_is_within(to - x, step) ? to : x + (to > x ? step : -step);
 }
 
-/* Whether the rotor has gone as far as the field, in the same direction. */
+/* Whether the rotor has gone as far as the field, within the tolerance and in the same direction. */
 static bool has_followed(const cgl_align *align)
 {
     const cgl_real way = CGL_R(2.0) * align->config.sweep / (cgl_real)align->config.pole_pairs;
@@ -133,7 +134,7 @@ static void read(cgl_align *align)
 /* Ends the alignment with its result. */
 static void end(cgl_align *align)
 {
-    /* a rotor that sticks or turns against the field also comes back to its place: only the way that it went shows the fault */
+    /* a rotor that sticks or turns against the field also ends where it began: only its way from far[0] to far[1] shows the fault */
     const bool followed = has_followed(align) && cgl_abs(align->apart) * (cgl_real)align->config.pole_pairs
                                                      <= align->config.sweep;
     align->zero = cgl_unwrap(align->zero, CGL_R(0.0));
@@ -142,7 +143,7 @@ static void end(cgl_align *align)
 
 cgl_calibration cgl_align_step(cgl_align *align, cgl_real theta_m, cgl_align_output *out)
 {
-    /* place of the field at the end of each stage [sweeps] */
+    /* electrical angle of the field at the end of each stage, as a multiple of config->sweep */
     static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)};
     const cgl_align_config *const config = &align->config;
     const cgl_real ts = align->ts;

@@ -1,6 +1,7 @@
 /* Two calibrations that a drive needs before it runs. The first finds the offsets of the current sensors while the bridge is off. The
- * second pulls the rotor with a current, and finds the mechanical angle at which the d axis stands on phase a. Step each of them in the
- * interrupt until it returns done or failed.
+ * second, the alignment, pulls the rotor with a current, and finds the mechanical angle at which the d axis stands on phase a. Call the
+ * step of the first in each interrupt until the step returns CGL_CALIBRATION_DONE or CGL_CALIBRATION_FAILED. Then do the same with the
+ * second.
  *
  *   result = cgl_offsets_step(&offsets, now.i_abc);             bridge off; then subtract offsets.mean from each measurement
  *
@@ -9,9 +10,9 @@
  *   currents.i_d_ref = wanted.i_d_ref; currents.i_q_ref = 0;
  *   cgl_foc_step(&foc, &currents, &out);                        when done, the angle of the drive is theta_m - align.zero
  *
- * The field passes the angle of phase a slowly, forward and then back. Friction holds the rotor back on both passes. In the mean of both
- * passes it cancels. The motor must be free to turn. Cogging shifts the result, less so with more current: use as much current as the
- * motor may have. */
+ * In the alignment the field passes the angle of phase a slowly, forward and then back. Friction holds the rotor back on both passes, and
+ * cancels in the mean of the rotor's angles on both passes. The motor must be free to turn. Cogging shifts the result, less so with more
+ * current: use as much current as the motor may have. */
 #ifndef COGLESS_CALIBRATION_H
 #define COGLESS_CALIBRATION_H
 
@@ -51,8 +52,8 @@ cgl_error cgl_offsets_init(cgl_offsets *offsets, const cgl_offsets_config *confi
 /* Begins anew. */
 void cgl_offsets_reset(cgl_offsets *offsets);
 
-/* Takes one sample. Fails if a current is not finite, if two samples of a phase differ by more than `spread`, or if the mean of a phase
- * is beyond +-`largest`. After a failure it returns CGL_CALIBRATION_FAILED until a reset. */
+/* Takes one sample. Fails if a current is not finite, if two samples of a phase differ by more than `spread`, or if the mean of a phase is
+ * beyond +-`largest`. After a failure the step returns CGL_CALIBRATION_FAILED until a reset. */
 cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3]);
 
 typedef struct {
@@ -61,7 +62,7 @@ typedef struct {
     cgl_real ramp;       /* time in which the current rises, and in which it falls [s], > 0 */
     cgl_real sweep;      /* electrical angle of the field to either side of phase a [rad], > 0, up to pi; 0: default pi/2 */
     cgl_real speed;      /* electrical speed of the field, which the rotor must follow without swinging [rad/s], > 0 */
-    cgl_real settle;     /* time for the rotor to stop swinging before its angle is read [s], > 0 */
+    cgl_real settle;     /* time for which the rotor may swing before its angle is read [s], > 0 */
     cgl_real tolerance;  /* largest difference between the rotor's way and the field's way, as a share of the field's way, > 0, below 1;
                             0: default 0.25 */
 } cgl_align_config;
@@ -82,20 +83,21 @@ typedef struct {
     cgl_real near[2];  /* theta_m with the field at 0, on the way forward and back [rad] */
     cgl_real zero;     /* when done: the mechanical angle at which theta_e is 0, within +-pi [rad] */
     cgl_real apart;    /* when done: half of near[1] - near[0], the angle by which friction holds the rotor back [rad] */
-    uint32_t wait;     /* steps until the angle is read */
-    uint32_t stage;    /* stage of the calibration */
+    uint32_t wait;     /* steps until the rotor's angle is read, plus 1; 0: no wait has begun */
+    uint32_t stage;    /* stage of the alignment, 0 to 4 */
     cgl_calibration result;
 } cgl_align;
 
-/* Copies the config. ts is the period of the steps [s], > 0. No time is longer than 1e9 ts. */
+/* Copies the config. ts is the period of the steps [s], > 0. The times ramp, settle and sweep / speed are at most 1e9 ts. */
 cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_real ts);
 
 /* Begins anew. */
 void cgl_align_reset(cgl_align *align);
 
-/* Steps one period. theta_m is the measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX. The step fails if theta_m is not
- * valid, if the rotor does not follow the field, or if it turns against the field. A rotor turns against the field if two phases are
- * swapped, or if the encoder counts backward. Once the alignment is done or has failed, the current is 0. */
+/* Steps one period. theta_m is the measured mechanical angle [rad], over any number of turns; its magnitude is below CGL_ANGLE_MAX. The
+ * alignment fails at once if theta_m is not valid. It fails at its end if the rotor has not followed the field, or has turned against the
+ * field, or if friction has held the rotor back by more than `sweep`. A rotor turns against the field if two phases are swapped, or if the
+ * encoder counts backward. Once the alignment is done or has failed, the current is 0. */
 cgl_calibration cgl_align_step(cgl_align *align, cgl_real theta_m, cgl_align_output *out);
 
 #ifdef __cplusplus

@@ -4,10 +4,10 @@
 #include "square_root.h"
 
 #define USUAL_SHARE CGL_R(0.95)
-#define LARGEST_DROP CGL_R(1.0e6) /* bound of a voltage drop, as a multiple of the planned voltage; field weakening cannot make up for
-                                     more */
+#define LARGEST_DROP CGL_R(1.0e6) /* bound of a voltage drop, as a multiple of the planned voltage (see `plane`); field weakening
+                                     cannot make up for a larger drop */
 #define NEWTON_STEPS 7
-#define SEARCH_STEPS 26      /* these steps narrow the range of i_d to 4e-6 of it */
+#define SEARCH_STEPS 26      /* number of golden-section steps; they narrow the range of i_d to 4e-6 of its first width */
 #define BISECTION_STEPS 20
 #define GOLDEN CGL_R(0.61803398874989484820)
 
@@ -30,8 +30,8 @@ CGL_SELDOM const char *cgl_current_reference_bad_field(const cgl_current_referen
     return cgl_is_within(saliency, CGL_SALIENCY_MAX) ? 0 : CGL_FIELD("current_reference.psi_f");
 }
 
-/* Returns the d-axis current of most torque at the current limit, as a share of the limit. It solves x (x - 1) = y^2 with x = saliency d
- * and y = saliency q. */
+/* Returns the d-axis current of most torque at the current limit, as a share of the limit. The condition of most torque is x (x - 1) = y^2,
+ * with x = saliency d and y = saliency q. */
 CGL_SELDOM static cgl_real d_at_limit(cgl_real saliency)
 {
     return CGL_R(-2.0) * saliency / (CGL_R(1.0) + cgl_square_root(CGL_R(1.0) + CGL_R(8.0) * saliency * saliency));
@@ -84,8 +84,8 @@ CGL_SELDOM static cgl_real d_of_least_current(cgl_real saliency, cgl_real torque
     return -x / saliency;
 }
 
-/* Voltage drops at the current limit and the present speed, as multiples of the planned voltage. d and q >= 0 are currents as shares of the
- * limit. The square of the voltage is
+/* Voltage drops at the current limit and the present speed, as multiples of the planned voltage. The planned voltage is the largest that
+ * field weakening uses. d and q are currents as shares of the current limit, and q is not negative. The square of the voltage is
  *
  *   (r d - side x_q q)^2 + (side r q + flux + x_d d)^2 */
 typedef struct {
@@ -94,7 +94,7 @@ typedef struct {
     cgl_real saliency;
 } plane;
 
-/* The square of the voltage, less the square of its limit, which is 1. The result is at most 0 if the voltage is within its limit. */
+/* The square of the voltage less the square of the planned voltage, which is 1. The result is at most 0 if the voltage is low enough. */
 static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
 {
     const cgl_real u_d = at->r * d - at->side * at->x_q * q;
@@ -102,9 +102,9 @@ static cgl_real excess(const plane *at, cgl_real d, cgl_real q)
     return u_d * u_d + u_q * u_q - CGL_R(1.0);
 }
 
-/* Returns the largest torque with the d-axis current d within the limits of current and voltage. If no torque is possible, it returns
- * minus the least excess of the voltage. So there is only one maximum over d: the logarithm of the torque is concave, and the excess is
- * convex. */
+/* Returns the largest torque with the d-axis current d within the limits of current and voltage. If no torque is possible, the result is
+ * minus the least excess of the voltage. So the result has only one maximum over d: the logarithm of the torque is concave, and the excess
+ * is convex. */
 CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
 {
     const cgl_real q_max = q_at_limit(d);
@@ -130,7 +130,7 @@ CGL_SELDOM static cgl_real largest_torque(const plane *at, cgl_real d)
 CGL_SELDOM static cgl_real d_of_largest_torque(const plane *at, cgl_real *torque)
 {
     cgl_real low = CGL_R(-1.0), high = CGL_R(1.0);
-    if (at->saliency < CGL_R(-1.0)) { /* only where 1 - saliency d is not negative */
+    if (at->saliency < CGL_R(-1.0)) { /* the factor 1 - saliency d of the torque must not be negative */
         low = CGL_R(1.0) / at->saliency;
     } else if (at->saliency > CGL_R(1.0)) {
         high = CGL_R(1.0) / at->saliency;
@@ -164,7 +164,7 @@ static bool is_possible(const plane *at, cgl_real d, cgl_real torque)
     return d * d + q * q <= CGL_R(1.0) && excess(at, d, q) <= CGL_R(0.0);
 }
 
-/* Returns the d-axis current nearest to `wanted` that allows the torque. A torque beyond the largest is reduced to the largest. */
+/* Returns the d-axis current nearest to `wanted` that allows the torque. A torque above the largest possible one is reduced to that one. */
 CGL_SELDOM static cgl_real weakened(const plane *at, cgl_real wanted, cgl_real *torque)
 {
     cgl_real largest, outside = wanted;

@@ -47,7 +47,8 @@ CGL_SELDOM cgl_error cgl_dead_time_retune(cgl_dead_time *dead_time, const cgl_de
     return CGL_OK;
 }
 
-/* Returns the duty cycle that makes up for `loss` [periods]. i is the phase current divided by the band. */
+/* Returns the duty cycle that makes up for the lost voltage. `loss` is this voltage as a share of the bus voltage, and i is the phase
+ * current divided by the band. */
 static cgl_real corrected(cgl_real duty, cgl_real loss, cgl_real i)
 {
     if (!(duty > CGL_R(0.0) && duty < CGL_R(1.0))) {

@@ -39,7 +39,7 @@ CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
                                  : (distance <= CGL_R(-0.5) ? distance + CGL_R(1.0) : distance);
 }
 
-/* ---- kind time ---- */
+/* ---- kind time: finding the place of one period ago ---- */
 
 /* Finds the place in the ring of one period before the next sample; `speed` gives the period. Returns false if the period is longer than
  * the line, or has fewer samples than memory->fewest. */
@@ -62,7 +62,7 @@ CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
     return true;
 }
 
-/* ---- kind delay ---- */
+/* ---- kind delay: finding P_t, and the place of the time P_t ago ---- */
 
 static bool is_oldest(const cgl_memory *memory)
 {
@@ -141,7 +141,7 @@ CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
     line->distance -= moved;
 }
 
-/* Finds P_t if the angle has risen. Returns whether it has risen. */
+/* Finds P_t if the angle has risen. Returns whether the angle has risen. */
 static bool find_angle(cgl_memory *memory, uint32_t place, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
@@ -171,10 +171,10 @@ CGL_SELDOM static void store_angle(cgl_memory *memory, uint32_t next)
     line->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), most);
 }
 
-/* ---- both kinds ---- */
+/* ---- kinds time and delay: recalling, correcting and storing a sample ---- */
 
-/* Returns the sum of 2 m + 1 samples about the place of one period ago. This place is between `then` and the sample before; the sum is
- * interpolated there. */
+/* Returns the sum of 2 m + 1 samples about the place of one period ago. This place is between the sample `then` and the sample before
+ * `then`, and the sum is interpolated between sums about these two samples. */
 CGL_SELDOM static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t m)
 {
     const uint32_t length = memory->row;

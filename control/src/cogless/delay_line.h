@@ -21,7 +21,7 @@ bool cgl_delay_is_valid(const cgl_memory_config *config, cgl_real ts);
 
 void cgl_delay_reset(cgl_delay_line *line);
 
-/* Does cgl_memory_step() for both kinds. `place` is the place in the period [2^-32 periods]. */
+/* Does the step of cgl_memory_step() for the kinds time and delay. `place` is the rotor's place in the period [2^-32 periods]. */
 bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real speed, bool learn, const cgl_real *correction,
                     cgl_real *value);
 

@@ -9,7 +9,8 @@ static uint32_t phases_of(const cgl_drive_config *config)
     return config->foc.phases == 0U ? 3U : config->foc.phases;
 }
 
-/* Returns the monitor's config. If monitor.phases is 0, it becomes the number of phases of the current loop. */
+/* Returns the monitor's config. Unless the current loop is foreign, monitor.phases = 0 is replaced by the current loop's number of
+ * phases. */
 CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *config)
 {
     cgl_monitor_config full = config->monitor;

@@ -7,8 +7,8 @@
  *   cgl_drive_actuate(&drive, &out);
  *
  * The law learns only if the reference and the guard allow learning, and three more conditions are true. The monitor trusts the
- * measurements. The speed error is no outlier. The current loop has followed its reference since the law's last step: the voltage was
- * enough, and the reference within its limit.
+ * measurements. The speed error is no outlier. In every period since the law's last step the current loop has followed its reference: the
+ * voltage was enough, and the reference was within its limit.
  *
  * While the monitor declares the output safe (monitor.h), the voltages are zero, the current loop starts anew, and the law is off. Open the
  * bridge while the status has CGL_STATUS_OFF: zero voltage shorts a motor that turns.

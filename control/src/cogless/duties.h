@@ -1,18 +1,18 @@
-/* Duty cycles from voltages, which are shares of the bus voltage. foc.c and modulation.c use this. */
+/* Duty cycles from voltages, which are given as shares of the bus voltage. foc.c and modulation.c use this file. */
 #ifndef COGLESS_DUTIES_H
 #define COGLESS_DUTIES_H
 
 #include "real.h"
 
-/* Fills in the voltages of three half bridges, from the middle of the bus, for the voltage (alpha, beta). All are shares of the bus
- * voltage. */
+/* Fills in the voltages that three half bridges must give, measured from the middle of the bus, for the voltage (alpha, beta). All voltages
+ * are shares of the bus voltage. */
 static inline void cgl_centred(cgl_real alpha, cgl_real beta, cgl_real part[3])
 {
     const cgl_real half = CGL_R(-0.5) * alpha;
     const cgl_real side = CGL_R(0.86602540378443864676) * beta;
     const cgl_real reach = cgl_abs(side);
     const cgl_real lower = half - reach, upper = half + reach; /* the voltages of phases b and c */
-    /* the three voltages add up to zero, so the mean of the highest and the lowest is minus half the middle one */
+    /* the phase voltages add up to zero, so the mean of the highest and the lowest is minus half the third one, `middle` */
     const cgl_real middle = alpha < lower ? lower : (alpha > upper ? upper : alpha);
     const cgl_real shift = CGL_R(0.5) * middle;
     const cgl_real between = half + shift;

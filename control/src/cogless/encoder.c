@@ -1,6 +1,6 @@
 #include "encoder.h"
 
-/* Returns 2^64 / counts, digit by digit. A 32-bit processor has no division that wide. */
+/* Returns (2^64 - 1) / counts, rounded down. It is computed bit by bit, because a 32-bit processor has no division of that width. */
 CGL_SELDOM static uint64_t turns_per_count(uint32_t counts)
 {
     uint32_t rest = UINT32_MAX % counts, low = 0U;
@@ -47,7 +47,7 @@ static void put(cgl_encoder *encoder, uint32_t position)
     encoder->turns = (uint32_t)((position * encoder->per_count) >> 32U);
 }
 
-/* Returns the counts from one reading to another on the shorter way. `forward` says whether the angle grows on that way. */
+/* Returns the counts from one reading to another, the shorter way round. `forward` says whether the angle grows on this way. */
 static uint32_t moved(const cgl_encoder *encoder, uint32_t from, uint32_t to, bool *forward)
 {
     const uint32_t range = encoder->config.range; /* 0 stands for 2^32: unsigned subtraction wraps there */

@@ -6,11 +6,11 @@
 #include "turns.h"
 
 #define ORDER_MAX 1000U
-#define SETTLED CGL_R(10.0)    /* the observer has settled after this many time constants */
-#define FAR CGL_R(0.2)         /* a larger difference of sensor and prediction is no error of the sensor, and is not learned [rad] */
-#define LOST CGL_R(1.5)        /* beyond this difference the observer restarts at the sensor's angle and speed; its acceleration stays
-                                  [rad] */
-#define SETTLE_MAX CGL_R(1.0e9) /* largest number of steps to settle */
+#define SETTLED CGL_R(10.0)    /* number of time constants, 1 / bandwidth, after which the observer has settled */
+#define FAR CGL_R(0.2)         /* largest difference of sensor and observer that is learned [rad]; a larger one is no error of the sensor */
+#define LOST CGL_R(1.5)        /* largest difference of sensor and observer with which the observer goes on [rad]. After a larger one it
+                                  restarts at the sensor's angle and speed, and keeps its acceleration */
+#define SETTLE_MAX CGL_R(1.0e9) /* largest number of steps in which the observer settles */
 
 static bool is_valid(const cgl_encoder_table_config *config)
 {
@@ -87,7 +87,7 @@ CGL_SELDOM cgl_error cgl_encoder_table_retune(cgl_encoder_table *table, const cg
     return CGL_OK;
 }
 
-/* Returns the difference of the angle and its prediction [rad]. If the difference is beyond LOST, the observer starts anew. */
+/* Steps the observer. Returns the angle theta less the observer's angle [rad]. If this difference is beyond LOST, the observer restarts. */
 static cgl_real residual(cgl_encoder_table *table, cgl_real theta, cgl_real omega, cgl_real i_q)
 {
     cgl_angle_observer *const observer = &table->observer;

@@ -2,7 +2,7 @@
  *
  *   f(p) = sum_i num[i] y_ref(p + preview - i) - sum_{j >= 1} den[j] f(p - j)
  *
- * Before its first sample the reference has the value of the first sample. After its last sample it has the value of the last sample. */
+ * Before the first sample the reference counts as constant at its first value, and after the last sample as constant at its last value. */
 #ifndef COGLESS_FEEDFORWARD_H
 #define COGLESS_FEEDFORWARD_H
 
@@ -20,13 +20,13 @@ extern "C" {
 typedef struct {
     uint32_t numerator;                 /* number of coefficients in num, 0 to CGL_FEEDFORWARD_TAPS; 0: no feedforward; default 0 */
     uint32_t denominator;               /* number of coefficients in den, 1 to CGL_FEEDFORWARD_TAPS; 1: no recursion */
-    uint32_t preview;                   /* the filter looks ahead by this many samples [samples], 0 to 65535 */
-    cgl_real num[CGL_FEEDFORWARD_TAPS]; /* [output/reference], finite */
-    cgl_real den[CGL_FEEDFORWARD_TAPS]; /* den[0] = 1, all roots inside the unit circle */
+    uint32_t preview;                   /* number of samples by which the filter looks ahead, 0 to 65535 */
+    cgl_real num[CGL_FEEDFORWARD_TAPS]; /* coefficients on the reference [output/reference], finite */
+    cgl_real den[CGL_FEEDFORWARD_TAPS]; /* coefficients of the recursion [-]; den[0] is 1, and all roots are inside the unit circle */
 } cgl_feedforward_config;
 
 typedef struct {
-    cgl_real past[CGL_FEEDFORWARD_TAPS]; /* f(p - 1), f(p - 2), ... */
+    cgl_real past[CGL_FEEDFORWARD_TAPS]; /* earlier outputs f(p - 1), f(p - 2), ..., which only a recursion uses */
 } cgl_feedforward;
 
 cgl_error cgl_feedforward_init(const cgl_feedforward_config *config, cgl_feedforward *feedforward);

@@ -73,7 +73,7 @@ typedef struct {
     cgl_real d, q;
 } vector;
 
-/* Returns a component with its sign and a new size >= 0. Rounding cannot make it larger than it was. */
+/* Returns a component with its old sign and a new magnitude, `size` >= 0. Rounding cannot make the magnitude larger than it was. */
 CGL_SELDOM static cgl_real with_size(cgl_real component, cgl_real size)
 {
     return cgl_clamped(size, cgl_abs(component)) * cgl_sign(component);
@@ -89,7 +89,7 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
     if (!(u * u + v * v > CGL_R(1.0))) {
         return x;
     }
-    /* the squares of the components could overflow, their ratio cannot */
+    /* the squares of the components could overflow; the ratio of the components cannot */
     const bool steep = cgl_abs(x.q) > cgl_abs(x.d);
     const cgl_real ratio = steep ? x.d / x.q : x.q / x.d;
     const cgl_real longer = length / cgl_root_of_1_to_4(CGL_R(1.0) + ratio * ratio);
@@ -99,13 +99,15 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
     return x;
 }
 
-/* Whether a component of x is smaller than that of the other vector. A vector exactly as long as its limit is not made shorter. */
+/* Whether a component of x is smaller than the same component of `than`. So a vector that is exactly as long as its limit does not count as
+ * shortened. */
 static bool is_shorter(vector x, vector than)
 {
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-/* Returns the error for the integral: less the part whose voltage was cut off. */
+/* Returns the error that the integral takes: the error less the part whose proportional voltage was cut off. `missing` is the voltage after
+ * the cut less the voltage before the cut [V]. */
 static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 {
     return kp > CGL_R(0.0) ? error + missing / kp : error;

@@ -29,17 +29,17 @@ typedef struct {
     cgl_foc_config config;
     cgl_real ts;                     /* sampling period [s] */
     cgl_real ahead;                  /* time from sampling until the voltage acts [s] */
-    cgl_real rise_d, rise_q;         /* growth of an integral in a period, divided by the error [V/A] */
+    cgl_real rise_d, rise_q;         /* growth of an integral in a period per error, ki ts [V/A] */
     cgl_real integral_d, integral_q; /* integral parts of the voltage [V] */
-    cgl_real lost_d, lost_q;         /* rounding errors of the integrals, to be added [V] */
+    cgl_real lost_d, lost_q;         /* rounding errors of the integrals, which the next step adds [V] */
 } cgl_foc;
 
 typedef struct {
     cgl_real i_abc[3];         /* measured phase currents [A]; the first two in a two-phase motor */
-    cgl_real theta_e;          /* measured electrical angle [rad], any revolution below CGL_ANGLE_MAX */
+    cgl_real theta_e;          /* measured electrical angle [rad], over any number of turns; its magnitude is below CGL_ANGLE_MAX */
     cgl_real omega_e;          /* electrical speed [rad/s] */
     cgl_real u_dc;             /* bus voltage [V] */
-    cgl_real i_d_ref, i_q_ref; /* references [A] */
+    cgl_real i_d_ref, i_q_ref; /* current references in the rotor's frame [A] */
 } cgl_foc_input;
 
 typedef struct {

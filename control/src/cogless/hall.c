@@ -2,7 +2,8 @@
 
 #define SECTORS 6U
 #define POLE_PAIRS_MAX 10000U
-#define LATE CGL_R(1.5) /* number of mean intervals after which an edge is overdue: an edge that is 15 degrees off comes this late */
+#define LATE CGL_R(1.5) /* number of mean intervals after which an edge is overdue. An edge comes this late if it is 15 electrical degrees
+                          late and the edge before was as much early */
 
 CGL_SELDOM cgl_error cgl_hall_init(cgl_hall *hall, const cgl_hall_config *config)
 {
@@ -22,13 +23,13 @@ CGL_SELDOM cgl_error cgl_hall_init(cgl_hall *hall, const cgl_hall_config *config
     return CGL_OK;
 }
 
-/* a + b, or 2^32 - 1 if that is less. */
+/* a + b, limited to 2^32 - 1. */
 static uint32_t sum(uint32_t a, uint32_t b)
 {
     return b > UINT32_MAX - a ? UINT32_MAX : a + b;
 }
 
-/* Puts the angle at this share of the present sector; a share of 0 is its begin. */
+/* Puts the angle at this share of the present sector. A share of 0 is the begin of the sector, where its angle is least. */
 static void put(cgl_hall *hall, cgl_real share)
 {
     const uint32_t sector = UINT32_MAX / hall->sectors;
@@ -48,7 +49,7 @@ CGL_SELDOM void cgl_hall_reset(cgl_hall *hall, uint32_t position)
 static void pass(cgl_hall *hall, uint32_t sectors, bool backward, uint32_t elapsed)
 {
     if (!hall->timed || backward != hall->backward) {
-        hall->known = 0U; /* no interval is measured: a reversal passes the same edge twice, and a first edge has none before it */
+        hall->known = 0U; /* no interval is measured: a reversal passes the same edge twice, and before a first edge there is no edge */
     } else {
         for (uint32_t n = 0; n < sectors; ++n) {
             hall->last = hall->last + 1U < CGL_HALL_EDGES ? hall->last + 1U : 0U;
@@ -86,8 +87,8 @@ void cgl_hall_step(cgl_hall *hall, uint32_t sector, uint32_t edge, uint32_t now)
     if (ahead == 0U) {
         hall->since = sum(hall->since, now - hall->now);
     } else {
-        const bool backward = ahead > 3U || (ahead == 3U && hall->backward); /* half a revolution may be either way, so the direction
-                                                                                stays */
+        const bool backward = ahead > 3U || (ahead == 3U && hall->backward); /* three sectors may be passed either way, so the
+                                                                                direction stays */
         pass(hall, backward ? SECTORS - ahead : ahead, backward, sum(hall->since, edge - hall->now));
         hall->since = now - edge;
     }

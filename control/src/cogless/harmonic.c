@@ -18,7 +18,7 @@
 #define HALF_TURN CGL_R(0.5)   /* bound of the observer's speed [turns/ts], and of z [turns/ts^2] */
 
 #define MEAN_SHARE_PER_RAD CGL_R(0.25)  /* weight of z in its moving mean, per angle of the base order in a step [1/rad] */
-#define MEAN_SHARE_MOST CGL_R(0.0625)   /* largest weight of z in its moving mean, which is also its weight while nothing is learned */
+#define MEAN_SHARE_MOST CGL_R(0.0625)   /* largest weight of z in its moving mean; while nothing is learned, this is the weight */
 #define RATE_SUM_MOST CGL_R(0.0625)     /* bound of the sum of the acting orders' rates [1/step]; slow orders settle if the sum is below
                                            0.15 */
 #define FULL_RATE_LENGTH CGL_R(6.0)     /* product of full rate and learning time at which the rate begins to fall; exp(-3) of the ripple
@@ -29,14 +29,14 @@
 #define HUNTING_FACTOR CGL_R(2.0)
 
 #define BEND_MOST CGL_R(0.05)            /* bound of each coefficient of the bend [rad] */
-#define BEND_VARIANCE_MOST CGL_R(2.5e-7) /* variance of the bend above which it is not learned [rad^2]: (0.5 mrad)^2 */
+#define BEND_VARIANCE_MOST CGL_R(2.5e-7) /* variance of the bend above which the bend is not learned [rad^2]: (0.5 mrad)^2 */
 /* The bend is learned while the square of the drift is below this share of the mean of k |c_k|^2. 0.02 is the square of 1/7: a drift of
  * |c|/7 turns the phase of an order by 1/7 rad. */
 #define BEND_DRIFT_SHARE CGL_R(0.02)
 /* A mean over BEND_PERIOD steps keeps a quarter of the variance of z's noise. This constant is half of that quarter, because the difference
  * of two sums has twice the variance of one sum. */
 #define BEND_NOISE_SHARE CGL_R(0.125)
-#define BEND_DOUBT_FACTOR CGL_R(64.0) /* the bend is not used while its square is below its variance times this */
+#define BEND_DOUBT_FACTOR CGL_R(64.0) /* the bend is not used while the sum of its squared coefficients is below this times its variance */
 #define BEND_PERIOD 8U                /* steps from one update of the bend to the next */
 
 #define SLOW_SHARES 2U /* the slow orders form this many groups; each step corrects one group */
@@ -161,7 +161,7 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     law->time = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->since_edge = CGL_R(0.0);
     law->theta_sensor = law->theta = law->next_gain = law->band = law->acting = law->low = 0U;
-    law->tick = 1U; /* the first step then computes no gain, to keep it short */
+    law->tick = 1U; /* so the first step computes no gain, and stays short */
     law->wait = CGL_HARMONIC_SETTLE;
     law->follows = law->learning = false;
     law->learned = CGL_R(0.0);
@@ -243,9 +243,9 @@ static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
-/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. Both depend on the bend's variance,
- * which comes from the noise of the orders. The bend is learned from the slow orders, so it is not learned while the fast orders have
- * most of the ripple. `begun`: learning time of the orders times their full rate. */
+/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. Both depend on the bend's variance, which
+ * comes from the noise of the orders. The bend is learned from the slow orders only, and not while the fast orders have most of the ripple.
+ * `begun`: learning time of the orders times their full rate. */
 CGL_APART static void set_bend_rate(cgl_harmonic *law, cgl_real begun)
 {
     cgl_harmonic_bend *const bend = &law->bend;
@@ -277,7 +277,7 @@ CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
         const cgl_real moved = cgl_clamp(bend->phase_sum, CGL_R(1.0e9)), step = bend->rate * moved;
         const cgl_real rate = law->rate * law->pi.loop.ts, most = CGL_R(1.0) / (cgl_real)BEND_PERIOD; /* with a larger rate the variance
                                                                                                          would not be a mean */
-        const cgl_real change = moved - bend->last_phase_sum; /* only noise: an error of the angle changes both sums nearly alike */
+        const cgl_real change = moved - bend->last_phase_sum; /* only noise: an error of the angle makes two successive sums nearly alike */
         bend->variance += (rate < most ? rate : most) * (BEND_NOISE_SHARE * change * change - (cgl_real)BEND_PERIOD * bend->variance);
         bend->last_phase_sum = moved;
         for (uint32_t m = 0; m < law->bends; ++m) {
@@ -307,7 +307,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     const uint32_t acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));
     cgl_real *const weight = law->cosine + 3U * config->orders;
     for (uint32_t n = 2U * smaller(low, law->low); n < 2U * larger(low, law->low); ++n) {
-        weight[n] = CGL_R(0.0); /* these orders change between slow and fast, and a gain for z does not fit e */
+        weight[n] = CGL_R(0.0); /* these orders change from slow to fast or back, and a gain for z does not fit e */
     }
     law->acting = acting;
     law->low = low;
@@ -316,7 +316,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     const cgl_real mean = after > CGL_R(0.0) ? full / (CGL_R(1.0) + CGL_R(0.5) * after) : full;
     const cgl_real rate = mean > config->rate_min ? mean : lesser(config->rate_min, shared);
     const cgl_real asked = HUNTING_FACTOR * (cgl_real)config->base * law->pi.loop.ts * speed_ref;
-    /* at the rate `most`, exp(-1) of an order is left after one period of the base order */
+    /* at the rate `most`, exp(-1) of an order's ripple is left after one period of the base order */
     const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.loop.ts);
     law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * lesser(rate, most);
     const cgl_real angle = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
@@ -439,7 +439,7 @@ CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in
                   | (cgl_is_angle(in->theta_m) && is_plausible(law, in, error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* Clears the amplitudes and the bend, because the guard says so. */
+/* Clears the amplitudes and the bend, because in->forget asks for it. */
 CGL_SELDOM static void forget_orders(cgl_harmonic *law)
 {
     clear(law->cosine, 2U * law->config.orders);

@@ -48,11 +48,12 @@ extern "C" {
 #define CGL_HARMONIC_LENGTH(orders) (5U * (orders))
 
 typedef struct {
-    cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
-    cgl_real k_theta;   /* gain of the position error [1/s], >= 0; 0: only the speed is controlled. The error is the shorter way round */
+    cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], bound of the sum of PI and T [A] */
+    cgl_real k_theta;   /* gain of the position error [1/s], >= 0; 0: only the speed is controlled. The position error is taken the shorter
+                           way round */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 must be > 0 and finite too */
-    cgl_real delay;     /* delay of the current behind its reference [s], 0 to 16 ts. The half period for which a reference is held on
-                           average is not part of it */
+    cgl_real delay;     /* delay of the current behind its reference [s], 0 to 16 ts. The delay does not include the half period for
+                           which a reference is held on average */
     cgl_real step;      /* resolution of the measured angle [rad], >= 0, if the speed is measured by the time between two edges: the law
                            computes the angle between two edges from this speed. 0: the speed is measured in another way */
     uint32_t base;      /* lowest learned order of a mechanical revolution; the others are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
@@ -133,7 +134,7 @@ typedef struct {
 const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop);
 
 /* `loop` is drive.loop. loop.feed_forward must be false, because the observer needs the feedback's current. `cell` has
- * CGL_HARMONIC_LENGTH(orders) entries, which are cleared and stay in use. */
+ * CGL_HARMONIC_LENGTH(orders) entries. Init clears them, and the law uses them from then on. */
 cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, const cgl_loop *loop, cgl_real *cell,
                             uint32_t length);
 

@@ -27,8 +27,8 @@ typedef struct {
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
     bool off;           /* true: the output and the integrals are 0, and what is learned is frozen */
-    bool forget;        /* true: what is learned is cleared, cell by cell as the rotor passes, even if learn is false. While off or in
-                           torque mode it has no effect */
+    bool forget;        /* true: what is learned is cleared, cell by cell as the rotor passes, even if learn is false. While the law is
+                           off or in torque mode, this flag has no effect */
     cgl_real muted;     /* share of the learned current that is not in the output [-], 0 to 1, default 0; any other value counts as 0 */
     uint32_t gentle;    /* 0: the law learns as configured; k >= 1: it learns with a smaller gain and more forgetting, as
                            cgl_gentle_steps[k] */
@@ -70,9 +70,9 @@ static inline bool cgl_law_stands_by(const cgl_law_input *in)
 extern "C" {
 #endif
 
-/* The check with which every law's init begins. It returns the first field that it refuses, as CGL_FIELD; NULL: none. It refuses a field
- * of the loop or of the config outside its range, and a limit above loop.current_limit. The last row of `range` is the config's limit of
- * the output [A]. */
+/* The check with which every law's init begins. Returns the first field that is refused, as CGL_FIELD; NULL: none. Refused are a field of
+ * the loop or of the config outside its range, and a limit above loop.current_limit. The last row of `range` is the config's limit of the
+ * output [A]. */
 const char *cgl_law_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop);
 #define CGL_LAW_BAD_FIELD(config, range, loop) cgl_law_bad_field((config), (range), CGL_ROWS(range), (loop))
 

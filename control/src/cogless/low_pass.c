@@ -2,7 +2,7 @@
 
 #include "decay.h"
 
-#define FASTEST CGL_R(2.0) /* largest bandwidth * ts: with a larger one the filter smooths nothing */
+#define FASTEST CGL_R(2.0) /* largest bandwidth * ts [-]: with a larger product the filter would hardly smooth */
 
 CGL_SELDOM cgl_error cgl_low_pass_init(cgl_low_pass *filter, const cgl_low_pass_config *config, cgl_real ts)
 {

@@ -20,7 +20,7 @@ typedef struct {
 typedef struct {
     cgl_low_pass_config config;
     cgl_real ts;    /* period of the steps [s] */
-    cgl_real share; /* weight of a new x */
+    cgl_real share; /* weight of a new input x in the output [-] */
     cgl_real y;     /* output of the last step */
 } cgl_low_pass;
 

@@ -99,8 +99,8 @@ cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map);
 cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map);
 cgl_map_result cgl_map_of_harmonic(const cgl_harmonic *law, cgl_map *map);
 
-/* Removes the means of the first `centred` channels. Call it after writing the entries and before the law's next step. Its run time grows
- * with the number of cells. */
+/* Removes the means of the first `centred` channels. Call this function after writing the entries and before the law's next step. The run
+ * time grows with the number of cells. */
 void cgl_map_centre(const cgl_map *map);
 
 /* Whether every field is within its range. */

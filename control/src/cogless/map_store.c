@@ -13,7 +13,7 @@
 enum { AT_MAGIC, AT_VERSION, AT_SEQUENCE, AT_MOTOR, AT_MOTION, AT_LAW, AT_CELLS, AT_TURNS, AT_PARTS, AT_RATIO, AT_UNITS,
        AT_LIMITS, AT_ENTRIES_CRC = 14, AT_HEADER_CRC };
 
-/* ---- bytes, in little-endian order on every machine ---- */
+/* ---- numbers as bytes, in little-endian order on every machine ---- */
 
 typedef union {
     float number;
@@ -51,7 +51,7 @@ static uint32_t smaller(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/* ---- what is stored of a map: header, entries, padding; then a mark ---- */
+/* ---- form of a stored map: header, entries and padding, then a mark ---- */
 
 static uint32_t entry_bytes(const cgl_map *map)
 {
@@ -102,7 +102,7 @@ static uint32_t header_crc(const uint32_t *word)
     return crc;
 }
 
-/* Returns entry k, counted through one channel after the other. Sets *channel to its channel. */
+/* Returns entry k, counted through one channel after the other. Sets *channel to the channel of this entry. */
 static cgl_real *entry_at(const cgl_map *map, uint32_t k, uint32_t *channel)
 {
     *channel = k / map->cells;
@@ -296,7 +296,7 @@ CGL_SELDOM static uint32_t newest(const cgl_map_store *store)
     return store->fits[0] ? 0U : (store->fits[1] ? 1U : 2U);
 }
 
-/* ---- load ---- */
+/* ---- loading a stored map ---- */
 
 CGL_SELDOM static cgl_map_result check(cgl_map_store *store, uint32_t slot, bool into)
 {
@@ -350,7 +350,7 @@ cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map)
     return result;
 }
 
-/* ---- save ---- */
+/* ---- init, and saving a map ---- */
 
 CGL_SELDOM cgl_error cgl_map_store_init(cgl_map_store *store, const cgl_map_store_config *config, uint8_t *buffer,
                              uint32_t length)
@@ -432,7 +432,7 @@ CGL_SELDOM static cgl_map_result look(cgl_map_store *store)
     return go_on(store, CGL_STORE_SUM, CGL_MAP_HEADER);
 }
 
-/* Computes the CRC of the present entries and the padding. At their end it chooses the slot and computes the header. */
+/* Computes the CRC of the present entries and the padding. At the end of the padding, chooses the slot and computes the header. */
 CGL_SELDOM static cgl_map_result sum(cgl_map_store *store)
 {
     const uint32_t count = smaller(store->chunk, store->end - store->position);

@@ -40,7 +40,7 @@ typedef enum {
 
 typedef struct {
     void *context; /* first argument of the functions; may be NULL */
-    /* Erases slot 0 or 1. It may do nothing if bytes can be overwritten, as in an EEPROM or a file. */
+    /* Erases slot 0 or 1. The function may do nothing if bytes can be overwritten, as in an EEPROM or a file. */
     cgl_flash_result (*erase)(void *context, uint32_t slot);
     /* Writes bytes. offset and count are multiples of write_size. Each byte is written once after an erase. */
     cgl_flash_result (*write)(void *context, uint32_t slot, uint32_t offset, const uint8_t *bytes, uint32_t count);
@@ -93,8 +93,8 @@ typedef struct {
      + CGL_MAP_ROUND_UP(CGL_MAP_MARK, write_size))
 #define CGL_MAP_ROUND_UP(bytes, write_size) (((bytes) + (write_size) - 1U) / (write_size) * (write_size))
 
-/* Copies the config. The caller's buffer of `length` bytes, at least CGL_MAP_BUFFER_MIN and write_size, stays in use. With a larger buffer
- * there are fewer and longer steps. */
+/* Copies the config. The caller's buffer of `length` bytes, at least CGL_MAP_BUFFER_MIN and write_size, is used from then on. With a larger
+ * buffer there are fewer and longer steps. */
 cgl_error cgl_map_store_init(cgl_map_store *store, const cgl_map_store_config *config, uint8_t *buffer,
                              uint32_t length);
 

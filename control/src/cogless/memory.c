@@ -9,9 +9,9 @@
 
 #define QUARTER 0x40000000U /* a quarter of a period [2^-32 periods] */
 #define QUARTER_BACK 0xC0000000U
-#define REACH 16U           /* a step over at most this many cells is never a jump */
+#define REACH 16U           /* a step over at most this many cells is no jump, if it is within a quarter of the period */
 #define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
-#define MEAN_MOST CGL_R(0.9375) /* an integral has the mean of a centred channel: at most this share of the mean is recalled */
+#define MEAN_MOST CGL_R(0.9375) /* largest share of a centred channel's mean that is recalled; an integral takes the rest of the mean */
 
 /* Puts the defaults in place of zeros. */
 CGL_SELDOM static void fill_defaults(cgl_memory_config *config)
@@ -141,7 +141,7 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
     if (!smaller) {
         return CGL_OK;
     }
-    memory->map.started = false; /* the sums still contain the old entries, so the next step begins them anew */
+    memory->map.started = false; /* the channels' sums still contain unclipped entries, so the next step begins the sums anew */
     cgl_real *entry = memory->cell + (full.kind == CGL_MEMORY_DELAY ? memory->row : 0U);
     for (uint32_t c = 0; c < full.channels; ++c, entry += memory->row) {
         for (uint32_t n = 0; n < memory->row; ++n) {
@@ -200,7 +200,7 @@ static inline uint32_t wrapped(uint32_t n, uint32_t cells)
     return n < cells ? n : n - cells;
 }
 
-/* ---- where the rotor is ---- */
+/* ---- kind angle: the rotor's place in the map, and the sums of the Q filter ---- */
 
 /* Returns the place of an angle in a period of several turns. Updates map->turn, the turn that the rotor is in. */
 CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
@@ -308,8 +308,8 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
     }
 }
 
-/* Restarts the map where the rotor does not continue its motion: at a start, a jump or a reversal. Returns the way [2^-32 periods] after
- * a jump by more than a quarter of the period, else 0. */
+/* Restarts the map where the rotor does not continue its motion: at a start, a jump or a reversal. Returns the way since the last step
+ * [2^-32 periods] if this is a jump by more than a quarter of the period, else 0. */
 CGL_SELDOM static uint32_t start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
@@ -324,8 +324,8 @@ CGL_SELDOM static uint32_t start_there(cgl_memory *memory, uint32_t x, uint32_t 
     return leap;
 }
 
-/* Follows the rotor to a place in the period. Returns the way since the last step [2^-32 periods]. After a restart it returns 0, or the
- * way if the rotor jumped by more than a quarter of the period. */
+/* Follows the rotor to a place in the period. Returns the way since the last step [2^-32 periods]. If this function restarts the map, it
+ * returns what start_there() returns. */
 static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 {
     cgl_angle_map *const map = &memory->map;
@@ -344,7 +344,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     map->passed = count;
     if (count > 0U && memory->config.q_half_width > 0U) {
         pass(memory, count);
-    } else if (count > 0U) { /* without a Q filter the sum is the entry of the last cell */
+    } else if (count > 0U) { /* without a Q filter the sum is the entry of the cell that the rotor has reached */
         cgl_real *entry = memory->cell;
         for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
             memory->channel[c].sum = entry[cells] = entry[entry_of(memory, n)];
@@ -354,7 +354,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     return moved;
 }
 
-/* ---- what is learned at the rotor's place ---- */
+/* ---- learning: the mean of a centred channel, and the entries of a map ---- */
 
 /* Ends a period of `entries` entries. Sets each channel's `drain`, the part of the mean that the next period removes from the memory.
  * Clears the sum for the mean. */
@@ -369,8 +369,8 @@ CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
     }
 }
 
-/* Adds the next cells to the sum for the mean: as many as the rotor passes in this step, and at least one. This scan has a place of its
- * own, apart from the rotor. While the rotor turns, the mean is at most one period old. While the rotor rocks within a few cells, the
+/* Adds the next cells to the sum for the mean: as many as the rotor passes in this step, and at least one. The place of this scan in the
+ * map is not the rotor's place. While the rotor turns, the mean is at most one period old. While the rotor rocks within a few cells, the
  * scan still reads the whole map. */
 CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 {
@@ -419,7 +419,7 @@ CGL_APART static void gather_samples(cgl_memory *memory)
 }
 #endif
 
-/* Adds the corrections at the place of `lead` samples ago. This place is computed with the present speed. */
+/* Adds the corrections to the map at the rotor's place `lead` samples ago. This place is computed from the rotor's way in this step. */
 CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
 {
     cgl_angle_map *const map = &memory->map;

@@ -67,10 +67,10 @@ void cgl_microstepping_reset(cgl_microstepping *motor);
 /* Replaces the config at run time, within the ranges that init accepts. */
 cgl_error cgl_microstepping_retune(cgl_microstepping *motor, const cgl_microstepping_config *config);
 
-/* Computes the coils' currents for the mechanical angle theta_ref [rad], any revolution below CGL_ANGLE_MAX. With float, angles of the
- * first revolution are the most exact. omega_ref is the speed of theta_ref [rad/s], and only its sign is used. While one of the two is not
- * plausible, the last command stays, with CGL_STATUS_FAULT. Without a successful init the currents are 0, with CGL_STATUS_FAULT and
- * CGL_STATUS_OFF. */
+/* Computes the coils' currents for the mechanical angle theta_ref [rad], over any number of turns; its magnitude is below CGL_ANGLE_MAX.
+ * With float, angles of the first revolution are the most exact. omega_ref is the speed of theta_ref [rad/s], of which only the sign is
+ * used. While theta_ref or omega_ref is not plausible, the last command stays, with CGL_STATUS_FAULT. Without a successful init the
+ * currents are 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 void cgl_microstepping_step(cgl_microstepping *motor, cgl_real theta_ref, cgl_real omega_ref, cgl_microstepping_output *out);
 
 #ifdef __cplusplus

@@ -9,7 +9,7 @@ CGL_SELDOM void cgl_modulate(cgl_real u_alpha, cgl_real u_beta, cgl_real u_dc, c
         return;
     }
     cgl_real part[3];
-    /* any duty cycle is at its limit long before a share of 1e9 */
+    /* a voltage of 1e9 times the bus voltage is far beyond the limit of every duty cycle */
     cgl_centred(cgl_clamped(u_alpha / u_dc, CGL_R(1.0e9)), cgl_clamped(u_beta / u_dc, CGL_R(1.0e9)), part);
     cgl_duties(part, duty);
 }

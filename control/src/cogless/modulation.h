@@ -8,9 +8,9 @@
 extern "C" {
 #endif
 
-/* Duty cycles in [0, 1] that realise the voltage (alpha, beta) [V] from the bus u_dc [V], with the common mode that
- * centres the three phases (the min-max form of space-vector modulation). Exact for |u| <= u_dc / sqrt(3).
- * A bus that is not positive, or a voltage that is not finite, gives 0.5 everywhere: zero voltage. */
+/* Computes the duty cycles in [0, 1] that realise the voltage (u_alpha, u_beta) [V] from the bus voltage u_dc [V]. A common-mode voltage
+ * centres the three phases (the min-max form of space-vector modulation). The duty cycles are exact for a voltage vector of at most u_dc /
+ * sqrt(3). If u_dc is not positive, or a voltage is not finite, all duty cycles are 0.5, which is zero voltage. */
 void cgl_modulate(cgl_real u_alpha, cgl_real u_beta, cgl_real u_dc, cgl_real duty[3]);
 
 #ifdef __cplusplus

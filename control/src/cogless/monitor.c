@@ -212,12 +212,12 @@ void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
     }
 }
 
-/* Decides after a gap which offset the sensor has: 0, the offset before the gap, or a new one. `theta` is the sensor's angle, and
- * `d` its change since the sensor's last angle, with which it agrees.
+/* Decides after a gap which offset the sensor has: 0, the offset before the gap, or a new one. `theta` is the sensor's angle, which agrees
+ * with the sensor's last angle, and `d` is the change between these two angles.
  *
- * An offset of 0 is possible if it puts the rotor within reach of its expected place. A rotor that counted as stuck may be anywhere. If
- * the angle stood still while the reference turned, the sensor may have stood still and not the rotor. The rotor may then have turned by
- * about as much as the reference. */
+ * An offset of 0 is possible if it puts the rotor within reach of its expected place. A rotor that counted as stuck may be anywhere. If the
+ * angle stood still while the reference turned, the sensor may have stood still and not the rotor. The rotor may then have turned by about
+ * as much as the reference. */
 CGL_SELDOM static void end_gap(cgl_monitor *monitor, cgl_real theta, cgl_real d)
 {
     const cgl_monitor_config *const config = &monitor->config;
@@ -305,7 +305,8 @@ static bool is_speed_lost(const cgl_monitor *monitor)
     return monitor->speed_lost > monitor->limits.window + monitor->limits.bridge;
 }
 
-/* Follows an angle that agrees with the last one; `d` is its change. Returns whether the rotor is stuck. */
+/* Follows the angle theta, which agrees with the sensor's last angle. `d` is the change between the two. Returns whether the rotor is
+ * stuck. */
 static bool follow_angle(cgl_monitor *monitor, cgl_real theta, cgl_real d, cgl_real omega_ref, bool full)
 {
     if (monitor->missing_angles > 0U) {

@@ -13,14 +13,14 @@ extern "C" {
 typedef struct {
     cgl_real kp;    /* proportional gain [output/error], >= 0 */
     cgl_real ki;    /* integral gain [output/error/s], >= 0 */
-    cgl_real limit; /* the output stays within +-limit [output], > 0, at most loop.current_limit */
+    cgl_real limit; /* bound of the output's magnitude [output], > 0, at most loop.current_limit */
 } cgl_pi_config; /* with loop.feed_forward, kp and ki are the gains of the foreign feedback, and do not act here */
 
 typedef struct {
     uint32_t ready;        /* CGL_READY after init */
     bool saturated;        /* the last output was at its limit */
     cgl_real kp, ki;       /* gains that act: those of the config, or 0 with loop.feed_forward */
-    cgl_real integral;     /* within +-limit [output] */
+    cgl_real integral;     /* integral part of the output, within +-limit [output] */
     cgl_real lost;         /* rounding error of the integral, to be added in the next step [output] */
     cgl_real proportional; /* proportional part of the last output [output] */
     cgl_pi_config config;
@@ -40,12 +40,12 @@ cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 /* Starts anew with an integral of 0. */
 void cgl_pi_reset(cgl_pi *pi);
 
-/* Starts anew with this integral [output], limited to the limit of the output. If ki does not act, the integral starts with 0, because
- * nothing would ever change it. */
+/* Starts anew with this integral [output], clipped to +-limit. If ki is 0, or with loop.feed_forward, the integral starts with 0 instead,
+ * because nothing would ever change it. */
 void cgl_pi_start(cgl_pi *pi, cgl_real integral);
 
-/* Moves an output [output], finite, into the integral; until now it acted beside the integral. With loop.feed_forward it does nothing:
- * the foreign integral makes up for the output by itself. */
+/* Adds `output` [output], which acted beside the integral until now, to the integral. `output` must be finite. With loop.feed_forward this
+ * function does nothing: the foreign integral makes up for the output by itself. */
 static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
 {
     if (!pi->loop.feed_forward) {
@@ -53,8 +53,8 @@ static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
     }
 }
 
-/* Does what cgl_pi_step() does, in few instructions, if nothing is at its limit and all is finite. Otherwise it returns false and leaves
- * the state untouched. */
+/* Does the same as cgl_pi_step(), in few instructions, if integral and output are within the limit and the inputs are finite. Otherwise
+ * this function returns false and leaves the state untouched. */
 static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedforward,
                                     cgl_real *output)
 {
@@ -72,8 +72,8 @@ static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedfor
     return true;
 }
 
-/* Returns kp error + integral + feedforward, limited to the limit. The integral holds while the output is at its limit and the error
- * would push it further. An error or feedforward that is not finite counts as 0. */
+/* Returns kp error + integral + feedforward, clipped to +-limit. The integral holds while the output is at its limit and the error would
+ * push the output further. An error or feedforward that is not finite counts as 0. */
 cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward);
 
 #ifdef __cplusplus

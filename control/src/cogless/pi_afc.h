@@ -24,7 +24,7 @@ extern "C" {
 #define CGL_PI_AFC_LENGTH(orders) (3U * (orders))
 
 typedef struct {
-    cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
+    cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], bound of the law's output [A] */
     uint32_t orders;                   /* number of orders, 1 to CGL_PI_AFC_ORDERS */
     uint32_t order[CGL_PI_AFC_ORDERS]; /* orders of a mechanical revolution, rising, 1 to CGL_PI_AFC_ORDER_MAX */
     cgl_real gain;                     /* learning gain [A/rad], >= 0; 0: nothing is learned. With a guard a gain above 0 needs pi.kp > 0 */
@@ -46,7 +46,7 @@ typedef struct {
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_pi_afc_bad_field(const cgl_pi_afc_config *config, const cgl_loop *loop);
 
-/* `loop` is drive.loop. `coefficient` has CGL_PI_AFC_LENGTH(orders) entries, which are cleared and stay in use. */
+/* `loop` is drive.loop. `coefficient` has CGL_PI_AFC_LENGTH(orders) entries. Init clears them, and the law uses them from then on. */
 cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, const cgl_loop *loop, cgl_real *coefficient,
                           uint32_t length);
 

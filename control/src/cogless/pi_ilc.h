@@ -17,7 +17,7 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_pi_config pi;         /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
+    cgl_pi_config pi;         /* kp [A s/rad], ki [A/rad], bound of the law's output [A] */
     cgl_real gain;            /* learning gain [A s/rad], >= 0; 0: nothing is learned. With a guard a gain above 0 needs pi.kp > 0 */
     cgl_memory_config memory; /* memory of u [A], with one channel; its limit is at most loop.current_limit */
 } cgl_pi_ilc_config;
@@ -35,7 +35,7 @@ typedef struct {
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_pi_ilc_bad_field(const cgl_pi_ilc_config *config, const cgl_loop *loop);
 
-/* `loop` is drive.loop. `cell` has CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which stay in use. */
+/* `loop` is drive.loop. `cell` has CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the law uses from then on. */
 cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *config, const cgl_loop *loop, cgl_real *cell, uint32_t length);
 
 /* Replaces gains and limits at run time, as cgl_pi_retune() and cgl_memory_retune() do. */

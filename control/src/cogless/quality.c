@@ -4,10 +4,10 @@
 #include "square_root.h"
 
 #define LONGEST_DEFAULT CGL_R(60.0)    /* default of config.longest [s] */
-#define SAMPLES_MAX CGL_R(1.0e9)       /* samples in a window */
+#define SAMPLES_MAX CGL_R(1.0e9)       /* largest number of samples in a window */
 #define SQUARE_MAX CGL_R(1.0e28)       /* an error with a larger square does not count, so that a float holds a window's sum */
-#define RUN_OUTLIERS 4U                /* this many outliers of one sign in a row are neither noise nor a step of an encoder */
-#define WAIT_DIVIDER 16U               /* learning waits for 1/16 of a window after such a run */
+#define RUN_OUTLIERS 4U                /* number of successive outliers of one sign that are neither noise nor a step of an encoder */
+#define WAIT_DIVIDER 16U               /* learning waits for 1/16 of a window after a run of RUN_OUTLIERS that is not learned */
 #define LASTING_SQUARE CGL_R(4.0)      /* square of 2: errors of up to twice a lasting peak are learned */
 #define MOVED_SQUARE CGL_R(0.00390625) /* square of 1/16: a rotor that turns by less than this share of `span` in a window counts as at
                                           rest */
@@ -119,7 +119,8 @@ CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
     const cgl_real bound = larger(config->outlier * config->outlier * square, config->floor * config->floor);
     const cgl_real peak = quality->has_long_run ? quality->peak_square : CGL_R(0.0);
     const cgl_real lasting = LASTING_SQUARE * (peak < quality->last_peak_square ? peak : quality->last_peak_square);
-    /* A window whose errors are all 0, as at rest, does not tell which error is usual. */
+    /* A window whose errors are all 0, as at rest, does not tell which error is usual. If config.floor is
+     * also 0, no error of the next window is an outlier. */
     quality->outlier_square = bound > CGL_R(0.0) && bound < SQUARE_MAX ? bound : SQUARE_MAX;
     quality->refused_square = larger(quality->outlier_square, lasting);
     quality->last_peak_square = peak;

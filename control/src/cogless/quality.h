@@ -33,7 +33,7 @@ typedef struct {
  * the window's earlier parts. [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with
  * shorter instructions. */
 typedef struct {
-    bool run_positive;            /* sign of the errors in the present run */
+    bool run_positive;            /* true: the errors of the present run are positive */
     bool has_long_run;            /* this window has had a run of at least four outliers of one sign */
     bool learned;                 /* something was learned in this window */
     bool began;                   /* a window in which something was learned has ended */
@@ -53,20 +53,20 @@ typedef struct {
     cgl_real outlier_sum, outlier_squares; /* the same sums over the window's outliers */
     cgl_real peak_square;         /* largest square of an outlier in this window [unit^2] */
     cgl_real last_peak_square;    /* peak_square of the last window [unit^2]; 0 if that window had no long run */
-    cgl_real refused_square;      /* square of an error above which nothing is learned from it [unit^2], >= outlier_square */
+    cgl_real refused_square;      /* largest square of an error from which the law may learn [unit^2], >= outlier_square */
     cgl_real turned;              /* sum of the speeds in this window [rad/s] */
-    cgl_real span_square;         /* square of the sum of the speeds at which a window ends [rad^2/s^2] */
-    cgl_real ordinary_square;     /* square of an error up to which a short step handles it [unit^2]; < 0: no error may take this step */
-    cgl_real outlier_square;      /* square of an error above which it is an outlier [unit^2]; < 0 before the first error */
+    cgl_real span_square;         /* least square of `turned` at which a window ends [rad^2/s^2] */
+    cgl_real ordinary_square;     /* largest square of an error that the short form of a step handles [unit^2]; < 0: it handles none */
+    cgl_real outlier_square;      /* largest square of an error that is no outlier [unit^2]; < 0 before the first error */
     cgl_real ripple;              /* variance of the error in the last window [unit^2] */
-    cgl_real ripple_before;       /* ripple of the last settled window before learning began, or else of the first with learning [unit^2] */
+    cgl_real ripple_before;       /* `ripple` of the last settled window before learning, or else of the first with learning [unit^2] */
     cgl_real trend;               /* relative change of the ripple from window to window [-], clipped and smoothed */
     cgl_quality_config config;
     cgl_real ts;                  /* period of the calls [s] */
 } cgl_quality;
 
 typedef struct {
-    cgl_real residual; /* standard deviation of the error over the last window [unit of the error]; 0 before the first */
+    cgl_real residual; /* standard deviation of the error over the last window [unit of the error]; 0 before the first window has ended */
     cgl_real progress; /* 1 - residual / (residual before learning) [-]; 0: no change, 1: no ripple is left, < 0: more ripple than
                           before. A window in a run-up gives no residual before learning */
     bool known;        /* at least one window has ended */
@@ -90,7 +90,7 @@ void cgl_quality_reset(cgl_quality *quality);
 bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
                       bool learning);
 
-/* Reads the quality. It takes two square roots, so call it in a background task. */
+/* Reads the quality. This function computes two square roots, so call it in a background task. */
 cgl_quality_report cgl_quality_read(const cgl_quality *quality);
 
 #ifdef __cplusplus

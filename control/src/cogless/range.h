@@ -36,20 +36,21 @@ typedef struct {
 #define CGL_RANGE_OF(type, name, field, kind) {(name), (uint16_t)offsetof(type, field), (uint16_t)(kind)}
 #endif
 
-/* The row of a field of cgl_PART_config. CGL_RANGE_OF is the row of a field of any struct. */
+/* CGL_RANGE is the row of a field of cgl_PART_config. CGL_RANGE_OF is the row of a field of any struct. */
 #define CGL_RANGE(part, field, kind) CGL_RANGE_OF(cgl_##part##_config, #part "." #field, field, kind)
 
-/* The name of a row's field. Without texts (COGLESS_NO_TEXTS) it is what CGL_FIELD gives for every field. */
+/* The name of a row's field. With COGLESS_NO_TEXTS this name is empty, like every name that CGL_FIELD gives. */
 #ifdef COGLESS_NO_TEXTS
 #define CGL_RANGE_NAME(row) CGL_FIELD("")
 #else
 #define CGL_RANGE_NAME(row) ((row)->name)
 #endif
 
-/* Returns the first of `count` fields that is outside its range, as CGL_FIELD, or NULL if there is none. */
+/* Checks the fields of a config against `count` rows. Returns the first field that is outside its range, as CGL_FIELD, or NULL. */
 const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_t count);
 
-/* The same check for all rows of an array. */
+/* CGL_ROWS is the number of rows of an array. CGL_OUT_OF_RANGE is cgl_out_of_range() for all rows of an array. CGL_IS_IN_RANGE says whether
+ * that check finds no field. */
 #define CGL_ROWS(range) ((uint32_t)(sizeof(range) / sizeof((range)[0])))
 #define CGL_OUT_OF_RANGE(config, range) cgl_out_of_range((config), (range), CGL_ROWS(range))
 #define CGL_IS_IN_RANGE(config, range) (CGL_OUT_OF_RANGE(config, range) == 0)

@@ -28,11 +28,11 @@ typedef float cgl_real;
 #define CGL_PI CGL_R(3.14159265358979323846)
 #define CGL_TWO_PI CGL_R(6.28318530717958647693)
 
-/* Largest valid angle [rad]: beyond it a float cannot tell neighbouring positions apart. A motor turns so far in a few minutes. So wrap
- * the angle to a revolution. For a map over the mechanical angle, wrap it to a mechanical revolution. */
+/* Bound of a valid angle's magnitude [rad]. A float beyond it cannot tell neighbouring positions apart. A motor turns so far in a few
+ * minutes, so wrap every angle to a revolution. For a map over the mechanical angle, wrap to a mechanical revolution. */
 #define CGL_ANGLE_MAX CGL_R(1.0e5)
 
-/* |x|, and whether |x| is at most `limit`; the latter is false for NaN. The builtin is one instruction. */
+/* cgl_abs() is |x|. cgl_is_within() says whether |x| is at most `limit`; it is false for NaN. The builtin is one instruction. */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #ifdef COGLESS_DOUBLE
 #define CGL_BUILTIN_ABS __builtin_fabs
@@ -60,8 +60,8 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
 }
 #endif
 
-/* CGL_SELDOM marks a function that is seldom called: the compiler makes it small, and keeps it apart from the others. (For Frama-C 25 it
- * is empty, because there the values of a struct that such a function returns are lost.) */
+/* CGL_SELDOM marks a function that is seldom called: the compiler makes it small, and keeps it apart from the others. (For Frama-C 25 the
+ * macro is empty: with it, Frama-C loses the values of a struct that such a function returns.) */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #define CGL_SELDOM __attribute__((noinline, cold))
 #define CGL_APART __attribute__((noinline)) /* marks a function that is often called, and is faster with registers of its own */
@@ -106,7 +106,7 @@ static inline cgl_real cgl_rest(cgl_real x)
 extern "C" {
 #endif
 
-/* Whether x is finite and > 0, or finite and >= 0. */
+/* cgl_is_positive(): whether x is finite and > 0. cgl_is_not_negative(): whether x is finite and >= 0. */
 bool cgl_is_positive(cgl_real x);
 bool cgl_is_not_negative(cgl_real x);
 
@@ -129,7 +129,8 @@ static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
     return CGL_OFTEN(cgl_is_within(x, limit)) ? x : cgl_clamped(x, limit);
 }
 
-/* The same as cgl_clamped(), without any call. It is for the few places that run most often: a call would cost them registers. */
+/* The same as cgl_clamped(), without any call. This function is for the few places that run most often: a call would cost them
+ * registers. */
 static inline cgl_real cgl_clamp_here(cgl_real x, cgl_real limit)
 {
     if (CGL_OFTEN(cgl_is_within(x, limit))) {
@@ -138,8 +139,8 @@ static inline cgl_real cgl_clamp_here(cgl_real x, cgl_real limit)
     return x > CGL_R(0.0) ? limit : (x < CGL_R(0.0) ? -limit : CGL_R(0.0));
 }
 
-/* sum + x, limited to [-limit, limit]; 0 for NaN. The rounding error goes into *lost and is added in the next call. So small terms add
- * up beside a large sum. */
+/* Returns sum + x + *lost, limited to [-limit, limit], or 0 for NaN. Stores the rounding error of this addition in *lost, for the next
+ * call. So small terms add up beside a large sum. */
 static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost)
 {
     const cgl_real term = x + *lost, result = sum + term;

@@ -126,7 +126,7 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     law->last_omega_ref = finite ? in->omega_ref : CGL_R(0.0);
     law->started = finite; /* after a missing sample, the next difference of omega_ref would span more than one period */
 
-    /* (11); the integral of the error is bounded by 1e9 rad, more than any motion asks for */
+    /* eq. (11); the magnitude of the integral of e is limited to 1e9 rad, which no motion reaches */
     cgl_real lost = law->integral_lost;
     const cgl_real error_integral = cgl_add(law->error_integral, law->loop.ts * error, CGL_R(1.0e9), &lost);
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;

@@ -7,7 +7,7 @@
 #include "angle.h"
 #include "real.h"
 
-/* Largest angle of the series below [rad]. */
+/* Largest angle for which cgl_sincos_of_small() is meant [rad]. */
 #define CGL_QUARTER (CGL_R(0.25) * CGL_PI)
 
 /* Sine and cosine of r [rad], |r| up to pi/4 and slightly above. A double uses Taylor's series up to its last digit. A float uses
@@ -76,8 +76,8 @@ static inline void cgl_sincos_of_angle(cgl_real theta, cgl_real *sine, cgl_real 
     *cosine = ((quadrant + 1U) & 2U) != 0U ? -b : b;
 }
 
-/* Phasor of a finite angle [rad], fast if the angle is below CGL_QUARTER. A larger angle is halved until the series holds, and the phasor
- * is squared as many times. Each squaring doubles the error. */
+/* Phasor of a finite angle [rad], fast if the angle's magnitude is at most CGL_QUARTER. A larger angle is halved until the series holds,
+ * and then the phasor is squared as many times. Each squaring doubles the error. */
 static inline cgl_phasor cgl_phasor_ahead(cgl_real angle)
 {
     cgl_phasor phasor;

@@ -1,6 +1,6 @@
 /* Space-learning position control (Verrelli 2016, law (6)), and the sampled form that Section 5 runs in a drive. All angles and speeds
- * below are the mechanical ones times `ratio`. In Section 4 ratio is 1. In Section 5 it is the rotor's teeth or pole pairs, so the angles
- * and speeds are electrical. T is the period of the memory in this angle. Q is the memory's forgetting or filter.
+ * below are the mechanical ones times `ratio`. In Section 4 ratio is 1. In Section 5 ratio is the number of the rotor's teeth or pole
+ * pairs, so the angles and speeds are electrical. T is the period of the memory in this angle. Q is the memory's forgetting or filter.
  *
  *   theta_tg = atan2(sin, cos) of theta - theta_ref
  *   omega_t  = omega - omega_ref + k_theta theta_tg
@@ -60,7 +60,7 @@ typedef struct {
     uint32_t gentle;                /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
     uint32_t learning_samples;      /* number of samples that learned, up to the end of the ramp */
     cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
-    cgl_real integral_lost;         /* rounding error of the integral, to be added [A] */
+    cgl_real integral_lost;         /* rounding error of the integral, added in the next step [A] */
     cgl_space_position_terms terms; /* terms of the last output */
     cgl_loop loop;
     cgl_space_position_config config; /* config, with defaults in place of zeros */
@@ -70,7 +70,7 @@ typedef struct {
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_space_position_bad_field(const cgl_space_position_config *config, const cgl_loop *loop);
 
-/* `loop` is drive.loop. `cell` has CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which stay in use. */
+/* `loop` is drive.loop. `cell` has CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the law uses from then on. */
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
                                   uint32_t length);
 

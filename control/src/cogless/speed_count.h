@@ -25,12 +25,12 @@ typedef struct {
     uint32_t oldest;    /* index of the oldest entry of the ring */
 } cgl_speed_count;
 
-/* Copies the config. The caller's `window` entries at `before` stay in use. ts is the period of the steps [s], > 0. The rotor counts
- * as standing at count 0. */
+/* Copies the config. The caller's memory at `before`, of `window` entries or more, is used from then on. ts is the period of the steps [s],
+ * > 0. The rotor counts as standing at count 0. */
 cgl_error cgl_speed_count_init(cgl_speed_count *speed, const cgl_speed_count_config *config, cgl_real ts, uint32_t *before,
                                uint32_t length);
 
-/* Starts with a rotor that stands at this count. Its run time grows with the window. */
+/* Starts with a rotor that stands at this count. The run time of this function grows with the window. */
 void cgl_speed_count_reset(cgl_speed_count *speed, uint32_t count);
 
 /* Returns the mechanical speed [rad/s]. The count grows forward and wraps at 2^32. The speed must be below 2^31 counts in a window. */

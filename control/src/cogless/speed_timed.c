@@ -43,7 +43,7 @@ void cgl_edges_pass(cgl_edges *edges, uint32_t count, uint32_t time)
     edges->time = time;
 }
 
-/* a + b, or 2^32 - 1 if that is less. */
+/* a + b, limited to 2^32 - 1. */
 static uint32_t sum(uint32_t a, uint32_t b)
 {
     return b > UINT32_MAX - a ? UINT32_MAX : a + b;
@@ -52,7 +52,8 @@ static uint32_t sum(uint32_t a, uint32_t b)
 cgl_real cgl_speed_timed_step(cgl_speed_timed *speed, const cgl_edges *edges, uint32_t now)
 {
     const bool passed = edges->time != speed->edge;
-    /* The time since the earlier edge is a sum of the times before and after the last step, because the timer may have wrapped. */
+    /* `elapsed` is the time from the edge before the last step to the newest edge. It is summed from the times before and after the last
+     * step: the timer may have wrapped between the two edges, so their difference could be wrong. */
     const uint32_t elapsed = sum(speed->since, edges->time - speed->now);
     const uint32_t since = passed ? now - edges->time : sum(speed->since, now - speed->now);
     const cgl_real moved = cgl_steps(speed->count, edges->count);

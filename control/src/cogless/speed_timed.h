@@ -47,7 +47,7 @@ typedef struct {
     uint32_t since;    /* time from the edge at `edge` to the step at `now`, at most 2^32 - 1 [ticks] */
 } cgl_speed_timed;
 
-/* Takes the counter, and the timer at its last edge [ticks]. */
+/* Takes the counter of edges, and the value that the timer had at the last counted edge [ticks]. */
 void cgl_edges_pass(cgl_edges *edges, uint32_t count, uint32_t time);
 
 /* Copies the config. */

@@ -30,6 +30,6 @@ CGL_SELDOM cgl_real cgl_square_root(cgl_real x)
         rest *= CGL_R(4.0);
         scale *= CGL_R(0.5);
     }
-    /* The loops leave at most 4. The proof needs to read that bound here. */
+    /* After the loops `rest` is at most 4. The proof needs to read that bound here. */
     return scale * cgl_root_of_1_to_4(rest < CGL_R(4.0) ? rest : CGL_R(4.0));
 }

@@ -20,28 +20,29 @@ extern "C" {
 #endif
 
 typedef struct {
-    uint32_t count;            /* number of the snapshot, one more each time; 2 follows 2^32 - 1 */
+    uint32_t count;            /* number of the snapshot, which rises by 1 from 1 on; 2 follows 2^32 - 1 */
     uint32_t status;           /* CGL_STATUS_ bits */
     cgl_real theta_m, omega_m; /* plausible angle and speed, as the monitor gives them [rad], [rad/s] */
     cgl_real omega_ref;        /* mechanical speed reference when the law was last due [rad/s] */
     cgl_real i_d, i_q;         /* measured currents [A] */
     cgl_real i_d_ref, i_q_ref; /* current references [A] */
-    cgl_real u_d, u_q;         /* voltages [V] */
+    cgl_real u_d, u_q;         /* voltages that the duty cycles realise [V] */
     cgl_real u_dc;             /* measured bus voltage [V]; 0 if the current loop is foreign */
 } cgl_snapshot;
 
 typedef struct {
     cgl_snapshot buffer[2];
-    uint32_t count; /* number of complete snapshots; the newest is in buffer[count & 1] */
+    uint32_t count; /* number of the newest complete snapshot, which is in buffer[count & 1]; 0: there is none yet */
 } cgl_telemetry;
 
-/* Clears both buffers. Call it with the interrupt off. */
+/* Clears both buffers. Call this function with the interrupt off. */
 void cgl_telemetry_reset(cgl_telemetry *telemetry);
 
-/* Call it in the interrupt, after cgl_drive_actuate(). Its run time is constant. */
+/* Writes a snapshot. Call this function in the interrupt, after cgl_drive_actuate(). Its run time is constant. */
 void cgl_telemetry_write(cgl_telemetry *telemetry, const cgl_drive *drive, const cgl_drive_output *out);
 
-/* Call it in the background. Returns false if there is no snapshot yet, or if the interrupt came twice during each of four tries. */
+/* Copies the newest snapshot. Call this function in the background. Returns false if there is no snapshot yet, or if the interrupt came
+ * twice during each of four tries. */
 bool cgl_telemetry_read(const cgl_telemetry *telemetry, cgl_snapshot *snapshot);
 
 #ifdef __cplusplus

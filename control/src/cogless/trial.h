@@ -17,8 +17,8 @@
  *   v <- v + K_3 Q e      on the error, as in the paper
  *   v <- Q (v + K_3 e)    on the signal, with `filter_signal`
  *
- * The first form learns until Q e is zero. It needs a plant on which every trial makes the error smaller at all frequencies of v. The
- * second form forgets v above the cut-off frequency. So v stays bounded even if the trials do not make the error smaller above this
+ * The first form learns until Q e is zero. This form needs a plant on which every trial makes the error smaller at all frequencies of v.
+ * The second form forgets v above the cut-off frequency. So v stays bounded even if the trials do not make the error smaller above this
  * frequency, as in a plant with a sampling zero outside the unit circle. But a residual error is left above the cut-off frequency.
  *
  * A matrix L (`learning_matrix`) in place of K_3 gives norm-optimal learning, v <- v + L e. In this form e is not shifted, and Q does not
@@ -72,8 +72,8 @@ typedef struct {
     cgl_feedforward_config feedforward;  /* feedforward from y_ref to u; default none */
     cgl_zero_phase_config q_filter;      /* filter Q, which acts between trials; default none */
     bool filter_signal;                  /* false: Q filters e; true: Q filters v; default false */
-    cgl_trial_observer_config observer;  /* observer in place of k_1 and k_2; it needs shift = 2 and k_2 = 0; default
-                                            none */
+    cgl_trial_observer_config observer;  /* observer in place of k_1 and k_2; an observer needs shift = 2 and k_2 = 0;
+                                            default none */
     const cgl_real *learning_matrix;     /* NULL, or L in place of k_3: the caller's samples x samples entries, row by
                                             row [v/y], finite; default NULL */
     cgl_real limit;                      /* bound of |u| [u], > 0 */
@@ -83,7 +83,7 @@ typedef struct {
 
 typedef struct {
     cgl_real x[CGL_TRIAL_STATES]; /* measured state, of which the first `states` entries are used; an angle in it must be unwrapped */
-    bool learn;                   /* if it is false in any sample, the law learns nothing from the trial */
+    bool learn;                   /* false in any sample of a trial: the law learns nothing from this trial */
 } cgl_trial_input;
 
 typedef struct {
@@ -122,7 +122,7 @@ typedef struct {
  * unguarded law needs `samples` fewer. */
 #define CGL_TRIAL_LENGTH(samples, order) (3U * (samples) + CGL_ZERO_PHASE_TAIL(samples, order))
 
-/* Copies the config, and clears the caller's memory of `length` entries, which stays in use. */
+/* Copies the config, and clears the caller's memory of `length` entries. The law uses this memory from then on. */
 cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length);
 
 /* Replaces gains and limits, usually between two trials. v stays, clipped to learned_limit. The guard forgets its measurements.
@@ -147,8 +147,8 @@ void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref);
 void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
 /* Steps one sample of a drive. x is the mechanical angle [rad] and speed [rad/s], `states` is 2, and u is a current [A]. The angle may
- * wrap. At the start of a trial it is unwrapped to the turn nearest to the first reference. An angle that is not plausible has the effect
- * of a state that is not finite. While in->off, the output and psi are 0, and nothing is learned from the trial. */
+ * wrap. At the start of a trial the angle is unwrapped to the turn nearest to the first reference. An angle that is not plausible has the
+ * effect of a state that is not finite. While in->off, the output and psi are 0, and nothing is learned from the trial. */
 void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in,
                           cgl_law_output *out);
 

@@ -1,4 +1,4 @@
-/* An observer of the error y_ref - y in a trial (trial.h). It also gives a feedback, and the input that was missing in the trial.
+/* An observer of the error y_ref - y in a trial (trial.h). The observer also gives a feedback, and the input that was missing in the trial.
  *
  * The plant is a double integrator with a disturbance d at its input, y'' = b (u - d). T = f + N v is the input that is fed forward,
  * u_fb = u - T is the feedback, and T* is the input that would keep the error zero. So e'' = b (T* - T - u_fb). g = b Ts^2 is the change

@@ -25,14 +25,14 @@ static inline uint32_t cgl_share_of_turn(uint32_t part, uint32_t parts)
     return part * (UINT32_MAX / parts) + part * (UINT32_MAX % parts + 1U) / parts;
 }
 
-/* Returns the way from `from` to `to`, the shorter way round, in [-2^31, 2^31). Compilers turn it into a single conversion. */
+/* Returns the way from `from` to `to`, the shorter way round, in [-2^31, 2^31). Compilers turn the expression into a single conversion. */
 static inline cgl_real cgl_steps(uint32_t from, uint32_t to)
 {
     const uint32_t ahead = to - from;
     return (cgl_real)(ahead < 0x80000000U ? (int32_t)ahead : -1 - (int32_t)(UINT32_MAX - ahead));
 }
 
-/* Returns the angle, in turns, that is `by` revolutions ahead. |by| is limited to just below 1/2. */
+/* Returns the angle [2^-32 turns] that is `by` revolutions ahead of `turns`. `by` is clipped to +-0.4999. */
 static inline uint32_t cgl_turned(uint32_t turns, cgl_real by)
 {
     const cgl_real steps = cgl_clamp(by, CGL_R(0.4999)) * CGL_TURN_BITS;

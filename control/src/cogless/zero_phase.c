@@ -61,8 +61,8 @@ static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real 
     return out;
 }
 
-/* Returns the i-th sample beyond an end of the signal, i = 1, 2, ... x points at the last sample before that end. `inward` is the step
- * from there into the signal, 1 or -1. odd: the signal is reflected through that sample; otherwise it is mirrored. */
+/* Returns the i-th sample beyond an end of the signal, i = 1, 2, ... x points at the last sample before that end. `inward` is the step from
+ * that sample into the signal, 1 or -1. odd: the signal is reflected through that sample; otherwise it is mirrored. */
 static cgl_real reflected(const cgl_real *x, int32_t inward, uint32_t i, bool odd)
 {
     return odd ? CGL_R(2.0) * x[0] - x[inward * (int32_t)i] : x[inward * ((int32_t)i - 1)];

@@ -4,10 +4,10 @@
  * filter's steady state for its first sample. There are two kinds of reflection:
  *
  *   even   .. x(1) x(0) | x(0) x(1) .. x(N - 1) | x(N - 1) x(N - 2) ..   over the whole signal. The filter is then the
- *          matrix Q = D^T diag(|H|^2) D with the orthogonal cosine transform D. It is symmetric. If |H| is at most 1, it
+ *          symmetric matrix Q = D^T diag(|H|^2) D with the orthogonal cosine transform D. If |H| is at most 1, the filter
  *          does not enlarge the norm of any signal, even if it is applied trial after trial.
- *   odd    2 x(0) - x(i), about the end's value, over 3 (order + 1) samples: scipy.signal.filtfilt(b, a, x) with its
- *          defaults. It continues a slope, but it can enlarge noise at the ends more than three times. */
+ *   odd    2 x(0) - x(i), about the end's value, over 3 (order + 1) samples. The filter is then scipy.signal.filtfilt(b, a, x)
+ *          with its defaults. The reflection continues a slope, but can enlarge noise at the ends more than three times. */
 #ifndef COGLESS_ZERO_PHASE_H
 #define COGLESS_ZERO_PHASE_H
 
@@ -31,7 +31,7 @@ typedef struct {
     bool odd;                             /* reflection at the ends: true odd, false even; default false */
 } cgl_zero_phase_config;
 
-/* Samples of the odd reflection at each end. Unless the order is 0, the signal must be longer. */
+/* Number of samples of the odd reflection at each end. The signal must have more samples than this, unless the order is 0. */
 #define CGL_ZERO_PHASE_PAD(order) (3U * ((order) + 1U))
 
 /* Number of entries that the filter needs as working memory. */
