@@ -37,7 +37,7 @@ typedef struct {
     cgl_real *table; /* caller's memory: `cells` entries [A], within +-pi.limit, entry n at angle 2 pi n / cells */
     cgl_anti_cogging_stage stage;
     cgl_real looked_up;         /* current from the table in the last step [A] */
-    cgl_real friction;          /* friction in the last calibration: Coulomb friction, and viscous friction at config.speed [A] */
+    cgl_real friction;          /* friction in the last calibration [A]: Coulomb friction plus viscous friction at config.speed */
     cgl_real place;             /* measured angle of the last step [cells], in [0, cells) */
     int32_t turns;              /* revolutions since this direction began, forward positive, without those to be repeated */
     cgl_real behind;            /* angle that the calibration's speed asks for, less the rotor's angle [rad] */

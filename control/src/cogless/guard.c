@@ -6,7 +6,7 @@
 #define LONGEST CGL_R(2.5)   /* longest window [s]: a slower rotor is judged in parts of a turn */
 #define FIRST CGL_R(1.0)     /* longest window of START [s]: a slow rotor does not wait for a whole turn, and LEARN gives its bar. */
 #define RAMP CGL_R(0.5)      /* time in which the share goes from 0 to 1 [s]: the feedback's integral has to take over a learned load */
-#define SOON 16U             /* windows before the first test: what is convicted has acted for little more than the promised 20 windows */
+#define SOON 16U             /* windows of LEARN before the first test. With those of two tests harm acts for about the promised 20. */
 #define RARE 1024U           /* largest distance between tests [windows], at which the three windows of a test are 0.3 % of the time */
 #define WEIGHT 8U            /* A test comes due this many times more slowly while learning halves the ripple's amplitude. */
 #define GUILT 4U             /* counts of evidence that convict: a test gives 2, as one test may be chance; a HOLD that helped gives 1 */

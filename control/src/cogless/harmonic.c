@@ -17,7 +17,8 @@
 #define DELAY_MOST CGL_R(16.0) /* largest delay that init takes [steps] */
 #define HALF_TURN CGL_R(0.5)   /* bound of the observer's speed [turns/ts], and of z [turns/ts^2] */
 
-#define MEAN_SHARE_PER_RAD CGL_R(0.25)  /* weight of z in its moving mean, per angle of the base order in a step [1/rad] */
+#define MEAN_SHARE_PER_RAD CGL_R(0.25)  /* weight of z in its moving mean, divided by the angle by which the base order turns in a
+                                           step [1/rad] */
 #define MEAN_SHARE_MOST CGL_R(0.0625)   /* largest weight of z in its moving mean; while nothing is learned, this is the weight */
 #define RATE_SUM_MOST CGL_R(0.0625)     /* bound of the sum of the acting orders' rates [1/step]; slow orders settle if the sum is below
                                            0.15 */

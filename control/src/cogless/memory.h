@@ -60,7 +60,8 @@ typedef struct {
     uint32_t most;                 /* longest way in a step in which the map learns [2^-32 periods] */
     uint32_t passed;               /* number of cells passed in the last step */
     uint32_t head;                 /* ring index of the cell passed last */
-    uint32_t half;                 /* number of cells on each side of `at` that the channels' `sum` covers; complete at q_half_width */
+    uint32_t half;                 /* number of cells on each side of `at` that the channels' `sum` covers; the sum is complete when this
+                                      is q_half_width */
     uint32_t anew_left;            /* cells to pass until the channels' sums `anew` are complete */
     uint32_t lag_x;                /* place of the last correction: the rotor's place `lead` samples before the last step [2^-32 periods] */
 } cgl_angle_map;
