@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cmath
-import json
 import math
 import shlex
 from pathlib import Path
@@ -74,7 +73,9 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
 
 def study_line(path: Path) -> str:
     """The line by which a controller of any study, in whatever folder, takes the correction of a file."""
-    return f"correction = {{ file = {json.dumps(str(path.resolve()), ensure_ascii=False)} }}"
+    from cogless.study.toml import toml
+
+    return f"correction = {toml({'file': str(path.resolve())})}"
 
 
 def correction_lines(correction: Correction) -> list[str]:

@@ -227,11 +227,17 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
     return uses
 
 
+def _possible_causes(orders: Sequence[OrderCauses]) -> dict[int, set[str]]:
+    """What may make each large order, by rising order."""
+    large = sorted((entry for entry in orders if entry.share > LARGE_SHARE), key=lambda entry: entry.order)
+    return {entry.order: set(entry.causes[0].name.split(OR)) for entry in large}
+
+
 def _of_one_speed(orders: Sequence[OrderCauses], parts: Sequence[Steady]) -> list[str]:
     """A sentence on orders that are an error of the angle or a torque; one speed can't distinguish them."""
     speeds = [abs(part.speed) for part in parts]
-    names = {entry.order: entry.causes[0].name.split(OR) for entry in orders if entry.share > LARGE_SHARE}
-    either = [order for order, causes in sorted(names.items()) if ENCODER in causes and len(causes) > 1]
+    possible = _possible_causes(orders).items()
+    either = [order for order, causes in possible if ENCODER in causes and len(causes) > 1]
     if not either or max(speeds) >= SPEED_RATIO_LEAST * min(speeds):
         return []
     return [
@@ -248,9 +254,8 @@ def _of_one_speed(orders: Sequence[OrderCauses], parts: Sequence[Steady]) -> lis
 
 def _of_loads(orders: Sequence[OrderCauses]) -> list[Advice]:
     """Which logs tell cogging from ripple of K_t, for large orders that may be either."""
-    names = {entry.order: entry.causes[0].name.split(OR) for entry in orders if entry.share > LARGE_SHARE}
-    either = [order for order, causes in sorted(names.items()) if {COGGING, RIPPLE} <= set(causes)]
-    return [not_told_apart("ripple", order) for order in either]
+    possible = _possible_causes(orders).items()
+    return [not_told_apart("ripple", order) for order, causes in possible if {COGGING, RIPPLE} <= causes]
 
 
 def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
