@@ -22,7 +22,7 @@ from cogless.design.law_rules import feedback_of
 from cogless.design.ripple import current_noise
 from cogless.design.sensor_limits import held_share, remaining
 from cogless.design.speed_blocks import speed_blocks
-from cogless.design.speed_loop import speed_loop
+from cogless.design.speed_loop import gains, speed_loop
 from cogless.design.summary import design
 from cogless.study import Study, changed
 from cogless.study.position_sensor import Absolute
@@ -141,6 +141,43 @@ def test_noise_of_the_current_sensors_is_that_of_a_run(sensors: int, bits: int, 
     assert feedback is not None
     variance = current_noise(quiet, speed_loop(quiet, scenario), feedback)
     assert run.metrics["speed_ripple_rad_s"] == pytest.approx(math.sqrt(variance), rel=0.04)
+
+
+def test_noise_of_the_current_sensors_is_that_of_an_independent_plant(tmp_path: Path) -> None:
+    """A winding, a rotor, a current loop that is a period late, an observer of the angle and a speed PI."""
+    _, draft = drafts.written(tmp_path, drafts.request("gimbal", "moteus", "as5047"))
+    study = changed(draft, {"drive.current_sensors": {"noise": "50 mA", "sensors": 3}})
+    (scenario,) = study.scenario
+    omega_ref = study.scenario[scenario].constant_speed
+    assert omega_ref is not None
+    loop, (kp, ki), random = speed_loop(study, scenario), gains(study, "pi"), np.random.default_rng(1)
+    current, dt, substeps = loop.current, loop.current.period, 2
+    rows = 300_000  # 10 s, in which the noise about the crossover tells its rms to 2 %
+    noise = 0.05 * math.sqrt(2 / 3) * random.standard_normal(rows)  # of i_q
+    theta = theta_hat = i_q = i_q_ref = integral = integral_i = u_next = 0.0
+    omega = omega_hat = omega_ref
+    omegas = np.empty(rows)
+    for row in range(rows):
+        u, error_i = u_next, i_q_ref - i_q - noise[row]
+        integral_i += current.ki * dt * error_i
+        u_next = current.kp * error_i + integral_i
+        theta_hat += omega_hat * dt
+        error = theta - theta_hat
+        theta_hat += 2 * loop.bandwidth * dt * error
+        omega_measured = omega_hat + 2 * loop.bandwidth * error
+        omega_hat += loop.bandwidth**2 * dt * error
+        if row % loop.steps == 0:
+            integral += ki * loop.period * (omega_ref - omega_measured)
+            i_q_ref = kp * (omega_ref - omega_measured) + integral
+        for _ in range(substeps):
+            i_q += dt / substeps / current.L * (u - current.R * i_q)
+            omega += dt / substeps * loop.b * i_q
+            theta += dt / substeps * omega
+        omegas[row] = omega
+    feedback = feedback_of(study, "pi", omega_ref)
+    assert feedback is not None
+    variance = current_noise(study, loop, feedback)
+    assert np.std(omegas[rows // 10 :]) == pytest.approx(math.sqrt(variance), rel=0.07)
 
 
 @pytest.mark.parametrize(
