@@ -26,7 +26,7 @@ from cogless.catalogue import catalogue, show
 from cogless.cli import app, logs, terminal
 from cogless.cli import printed as printing
 from cogless.results import Results
-from cogless.run import carry_out
+from cogless.run import carry_out, side_by_side
 from cogless.study import Study, load
 from cogless.study.laws import AnyController
 from cogless.study.laws.trial import AnyTrialController
@@ -529,6 +529,42 @@ def test_ctrl_c_after_the_end_changes_nothing() -> None:
     pressed = "import atexit, os, signal; atexit.register(os.kill, os.getpid(), signal.SIGINT); "
     ended = subprocess.run([*COMMAND[:2], pressed + COMMAND[2], "list"], capture_output=True)
     assert (ended.returncode, ended.stderr) == (0, b"") and ended.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_ctrl_c_between_the_command_and_pythons_end_changes_nothing(tmp_path: Path) -> None:
+    def pressed() -> bool:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(60)  # the signal is handled within
+        return False
+
+    def patched() -> None:
+        pressed_once = iter([pressed])
+        side_by_side.left_behind = lambda: next(pressed_once, lambda: False)()
+
+    run = forked(tmp_path, "list", first=patched)
+    assert (run.end(), run.err) == (0, "") and run.out
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+@pytest.mark.parametrize("command", [["list"], ["run", "--help"]])
+def test_ctrl_c_ends_a_command_whose_output_nobody_reads(command: list[str]) -> None:
+    reads, writes = os.pipe()
+    os.set_blocking(writes, False)
+    with pytest.raises(BlockingIOError):
+        while True:
+            os.write(writes, b" " * 1024)
+    os.set_blocking(writes, True)
+    with subprocess.Popen([*COMMAND, *command], stdout=writes, stderr=subprocess.PIPE, text=True) as run:
+        until = time.monotonic() + 60
+        while run.poll() is None and time.monotonic() < until:
+            time.sleep(0.5)
+            run.send_signal(signal.SIGINT)
+        run.kill()
+        assert run.stderr is not None and "Traceback" not in run.stderr.read()
+    assert run.returncode == 130
+    for end in (reads, writes):
+        os.close(end)
 
 
 # where there is no room

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import traceback
+from typing import NoReturn
 
 from cogless.errors import EXIT_DEFECT, EXIT_INTERRUPTED, EXIT_WRONG, StudyError
 from cogless.files import reason
@@ -24,7 +25,19 @@ def main() -> None:
 
     A defect prints its traceback and a line that asks to report it, and exits with 1.
     """
-    code = _flushed(_code())
+    code: int | None = None
+    try:
+        code = _code()
+        code = _flushed(code)
+        _end(code)
+    except KeyboardInterrupt:  # it came before the command began or after it had ended
+        if code is None:
+            say("Interrupted.")
+        _end(EXIT_INTERRUPTED if code is None else code)
+
+
+def _end(code: int) -> NoReturn:
+    """End the process; in tests, which call `main`, raise SystemExit."""
     from cogless.run.side_by_side import left_behind
 
     if left_behind():
@@ -96,18 +109,27 @@ def _command() -> object:
 
 
 def _flushed(code: int) -> int:
-    """Flush stdout and return the exit code: EXIT_WRONG if that fails (full disk), else `code`."""
+    """Flush stdout and return the exit code: `code`; EXIT_WRONG if that fails (full disk);
+    EXIT_INTERRUPTED if Ctrl-C ends it (nobody reads the pipe)."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
+    except KeyboardInterrupt:
+        _drop_stdout()
+        return EXIT_INTERRUPTED
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the flush at exit writes there
+        _drop_stdout()
         if code != EXIT_WRONG and not isinstance(
             error, BrokenPipeError
         ):  # the reader closed the pipe: no message
             say(f"output: {reason(error)}")
         return EXIT_WRONG
     return code
+
+
+def _drop_stdout() -> None:
+    """Let Python's flush at exit write to nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":
