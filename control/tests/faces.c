@@ -123,6 +123,12 @@ static void names_of_the_drive(void)
     config.foc.current_limit = CGL_R(1.0e6);
     CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "foc.current_limit"));
     config = some_drive();
+    config.foreign = true; /* foreign firmware need not tell its limit */
+    config.foc.current_limit = CGL_R(0.0);
+    CHECK(cgl_drive_bad_field(&config, ts) == NULL);
+    config.foc.current_limit = CGL_R(-1.0);
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "foc.current_limit"));
+    config = some_drive();
     config.foc.kp_q = CGL_R(-1.0);
     CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "foc.kp_q"));
     config = some_drive();

@@ -733,11 +733,29 @@ static void maps_of_no_law(void)
     CHECK(cgl_map_of_pi_afc(&afc, &map) == CGL_MAP_INVALID && cgl_map_of_harmonic(&harmonic, &map) == CGL_MAP_INVALID);
 }
 
+/* Whether a mean is a rounding error depends on the limit of the entries, not on their unit. */
+static void centre_by_the_limit(void)
+{
+    const cgl_real limits[] = {CGL_R(1.0e-3), CGL_R(1.0), CGL_R(1.0e3)};
+    for (uint32_t n = 0U; n < sizeof limits / sizeof limits[0]; ++n) {
+        const cgl_real limit = limits[n], rounding = CGL_R(1.0e-7) * limit, mean = CGL_R(1.0e-5) * limit;
+        cgl_real entry[2] = {rounding, rounding};
+        const cgl_map map = {.entry = entry, .stride = 2U, .cells = 2U, .channels = 1U, .limit = {limit}, .centred = 1U};
+        cgl_map_centre(&map);
+        CHECK(cgl_is_within(entry[0] - rounding, CGL_R(0.0)) && cgl_is_within(entry[1] - rounding, CGL_R(0.0)));
+        entry[0] = CGL_R(2.0) * mean;
+        entry[1] = CGL_R(0.0);
+        cgl_map_centre(&map);
+        CHECK(cgl_is_within(entry[0] - mean, rounding) && cgl_is_within(entry[1] + mean, rounding));
+    }
+}
+
 void stored_maps(void)
 {
     describe_a_map();
     maps_of_laws();
     maps_of_no_law();
+    centre_by_the_limit();
     CHECK(cgl_crc32(0U, (const uint8_t *)"123456789", 9U) == 0xCBF43926U);
     refuse_configs();
     refuse_with_reason();
