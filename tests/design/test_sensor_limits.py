@@ -20,10 +20,11 @@ from cogless.design.answers import to_dict
 from cogless.design.design_table import design_table
 from cogless.design.law_rules import feedback_of
 from cogless.design.ripple import current_noise
-from cogless.design.sensor_limits import held_share, remaining
+from cogless.design.sensor_limits import held_share, remaining, steps_density
 from cogless.design.speed_blocks import speed_blocks
 from cogless.design.speed_loop import gains, speed_loop
 from cogless.design.summary import design
+from cogless.run.simulate import simulate
 from cogless.study import Study, changed
 from cogless.study.position_sensor import Absolute
 
@@ -55,9 +56,17 @@ def ratio(study: Study) -> float:
         ("nema17", "stepper", "absolute", {"bits": 18}, "yes, orders 50, 100 to 1200, in about ", True),
         ("hub", "generic", "incremental", {"cpr": 4096}, "not worth it: at 10 rpm", False),
         ("hub", "generic", "absolute", {"bits": 18}, "yes, orders 3, 6 to 384, in about ", True),
-        ("hub", "vesc", "as5047", {"speed": 40}, "yes, orders 3, 6 to 384, in about 9 s", False),
+        (
+            "hub",
+            "vesc",
+            "as5047",
+            {"speed": 40},
+            "not sure: at 40 rpm the position sensor's steps make ",
+            False,
+        ),
         ("gimbal", "moteus", "as5600", {}, "not sure: at 20 rpm 0.23 counts come in a speed sample, ", False),
         ("gimbal", "generic", "absolute", {"bits": 18}, "yes, orders 2, 4 to 256, in about ", True),
+        ("gimbal", "generic", "as5600", {"speed": 70}, "yes, orders 2, 4 to 256, in about ", True),
         ("drone", "moteus", "as5600", {}, "not sure: at ", False),
         ("drone", "generic", "as5048", {"speed": 200}, "yes, orders 2, 4 to 256, in about ", True),
     ],
@@ -72,6 +81,63 @@ def test_a_plain_yes_never_comes_where_learning_leaves_as_much(
     plain = says.startswith("yes, ") and "; too late for scenario slow, which lasts " not in says
     assert plain is helps
     assert helps is (left < AS_MUCH), left
+
+
+def test_steps_that_beat_with_the_law_are_doubted_and_the_advised_rate_helps(tmp_path: Path) -> None:
+    """AS5600 at 60 r/min: 4096 steps a second in a law of 4 kHz. Over 6 s learning leaves as much."""
+    _, draft = drafts.written(tmp_path, drafts.request("gimbal", "generic", "as5600", speed=60))
+    assert re.match(
+        r"not sure: at 60 rpm the position sensor's steps make [12]\.\d\d rpm of ripple while it learns, "
+        r"feedback alone 2\.\d\d rpm: to a law of 4000 Hz, 4096 steps a second look like motion at 96 Hz; "
+        r"drive\.rates\.speed_loop = \"2500 Hz\" avoids that; a run tells\. By small signals yes, ",
+        answer(draft),
+    )
+    assert ratio(draft) > AS_MUCH
+    (cure,) = to_dict(draft)["controllers"]["harmonic"]["answer"]["cures"]
+    cured = changed(draft, cure)
+    assert answer(cured).startswith("yes, ")
+    assert ratio(cured) < 0.6
+
+
+@pytest.mark.parametrize(("speed", "bits"), [(60, 12), (57, 12), (70, 12), (61, 13), (33, 13)])
+def test_ripple_that_the_steps_make_at_the_first_rate_is_that_of_a_run(
+    speed: float, bits: int, tmp_path: Path
+) -> None:
+    """Nothing is there to learn. The rate is the first one for 3 s."""
+    _, draft = drafts.written(tmp_path, drafts.request("gimbal", "generic", "as5600", speed=speed))
+    changes = {
+        "motor.cogging": [],
+        "drive.position_sensor.error": [],
+        "drive.position_sensor.bits": bits,
+        "drive.inverter.dead_time": 0.0,
+        "drive.current_sensors.noise": 0.0,
+        "drive.current_sensors.bits": 0,
+        "drive.guard": False,
+    }
+    quiet = changed(draft, changes)
+    certified = design(quiet, "harmonic").certificate
+    assert certified is not None
+    (at_speed,) = remaining(quiet, "harmonic", certified)
+    (scenario,) = quiet.scenario
+    trace = simulate(quiet, scenario, "harmonic").trace
+    learning = (trace["time"] > 1.0) & (trace["time"] < 3.0)
+    expected = math.hypot(at_speed.steps_learning, at_speed.steps)
+    assert np.std(trace["omega_m"][learning]) == pytest.approx(expected, rel=0.35)
+
+
+@pytest.mark.parametrize(
+    ("counts", "spread"), [(1.024, 0.03), (1.08, 0.01), (2.048, 0.08), (0.51, 0.02), (1.4, 0.3), (10.3, 0.01)]
+)
+def test_density_of_the_steps_is_that_of_a_sampled_sawtooth(counts: float, spread: float) -> None:
+    """Four million samples of an angle in steps, whose speed varies slowly by a normal distribution."""
+    samples, bands, random = 1 << 22, 64, np.random.default_rng(4)
+    slow = np.fft.irfft(np.fft.rfft(random.standard_normal(samples)) * (np.arange(samples // 2 + 1) < 3000))
+    angle = np.cumsum(counts + spread * slow / np.std(slow))
+    power = np.abs(np.fft.rfft(angle % 1.0 - 0.5)) ** 2
+    measured = power[1:].reshape(bands, -1).mean(axis=1) / np.mean(power[1:])
+    middle, width = 0.5 * (np.arange(bands) + 0.5) / bands, 0.25 / bands
+    predicted = steps_density(counts, spread, middle, width)
+    assert predicted == pytest.approx(measured, rel=0.1, abs=0.04 * np.max(measured))
 
 
 def test_json_and_the_long_table_have_the_answer_s_numbers(tmp_path: Path) -> None:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from cogless import units
-from cogless.design.laws.harmonic import Certificate
+from cogless.design.changes import either, first
+from cogless.design.gentler import other_law_rates
+from cogless.design.laws.harmonic import Certificate, certificate
 from cogless.design.margins import finite
 from cogless.design.sensor_limits import Remaining, remaining
 from cogless.design.settling import Settling, left_out, settling
@@ -17,6 +19,7 @@ from cogless.design.summary import Design, current_loop_dict, design_dict, summa
 from cogless.design.verdict import Kind
 from cogless.study import Study
 from cogless.study.base import speed_text, spoken_unit
+from cogless.study.reading import Changes
 from cogless.units import ANGULAR_SPEED
 
 # What a verdict that is no yes says, after "because".
@@ -39,6 +42,7 @@ class Answer:
     settling: Sequence[Settling] = ()  # where it settles, at constant speeds
     left_out: Sequence[str] = ()  # what the drive has and the model of `settling` lacks
     remaining: Sequence[Remaining] = ()  # of `harmonic` on a sensor of counts, at constant speeds
+    cures: Sequence[Changes] = ()  # each of them makes it a yes
 
     @property
     def reason(self) -> str:
@@ -86,11 +90,14 @@ def _answer_dict(answer: Answer | None) -> dict[str, Any] | None:
                 "unlearned_orders_rad_s": at_speed.unlearned,
                 "current_noise_rad_s": at_speed.noise,
                 "counts_per_sample": finite(at_speed.counts),
+                "steps_density": at_speed.steps_density,
+                "steps_learning_rad_s": at_speed.steps_learning,
                 "worth_it": at_speed.worth_it,
                 "modelled": at_speed.modelled,
             }
             for at_speed in answer.remaining
         ],
+        "cures": [dict(change) for change in answer.cures],
     }
 
 
@@ -129,7 +136,8 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         reach = _reach(study, certificate.fastest)
         settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
         at_speeds = remaining(study, name, certificate)
-        return Answer(*_beside_sensor(study, at_speeds, settles), times, lacks, at_speeds)
+        cures = _quieter_rates(study, name, at_speeds)
+        return Answer(*_beside_sensor(study, at_speeds, settles, cures), times, lacks, at_speeds, cures)
     bad = next(speed for speed in speeds if not speed.fine)
     at = speed_text(study, bad.omega_m)
     if bad.snaps is not None:
@@ -139,8 +147,26 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     return Answer("no", f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
 
 
-def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> tuple[AnswerVerdict, str]:
-    """Verdict and words for orders that settle, with what the position sensor leaves of it at some speed."""
+def _quieter_rates(study: Study, name: str, speeds: Sequence[Remaining]) -> tuple[Changes, ...]:
+    """The nearest rate of the law at which the sensor's steps leave learning alone, if they do not now."""
+    if all(speed.modelled or not speed.worth_it or speed.few_counts for speed in speeds):
+        return ()
+
+    def is_quiet(other: Study) -> bool:
+        certified = certificate(other, name)
+        after = remaining(other, name, certified)
+        return certified.fine and all(speed.modelled and speed.worth_it for speed in after)
+
+    return first(study, other_law_rates(study), is_quiet)
+
+
+def _beside_sensor(
+    study: Study, speeds: Sequence[Remaining], settles: str, cures: Sequence[Changes]
+) -> tuple[AnswerVerdict, str]:
+    """Verdict and words for orders that settle, with what the position sensor leaves of it at some speed.
+
+    `cures`: changes with which it is a yes.
+    """
     coarse = next((speed for speed in speeds if not speed.modelled), None)
     little = next((speed for speed in speeds if not speed.worth_it), None)
     if little is not None:
@@ -157,13 +183,25 @@ def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> t
         return "not worth it", answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
     if coarse is None:
         return "yes", settles
-    return "not sure", f"not sure: {_too_coarse(study, coarse)}; a run tells. By small signals {settles}"
+    cured = f"; {either(cures)} avoids that" if cures else ""
+    doubt = f"{_too_coarse(study, coarse)}{cured}; a run tells"
+    return "not sure", f"not sure: {doubt}. By small signals {settles}"
 
 
 def _too_coarse(study: Study, coarse: Remaining) -> str:
     """Why learning may do harm with a coarse sensor, as a clause."""
-    few = f"at {speed_text(study, coarse.omega_m)} {coarse.counts:.2g} counts come in a speed sample"
-    return f"{few}, so it may take the position sensor's steps for motion"
+    at = f"at {speed_text(study, coarse.omega_m)}"
+    if coarse.few_counts:
+        few = f"{at} {coarse.counts:.2g} counts come in a speed sample"
+        return f"{few}, so it may take the position sensor's steps for motion"
+    steps, alone = (speed_text(study, size, 3) for size in (coarse.steps_learning, coarse.alone))
+    ripple = (
+        f"{at} the position sensor's steps make {steps} of ripple while it learns, feedback alone {alone}"
+    )
+    if coarse.beat is None:
+        return ripple
+    counts = f"{coarse.counts * coarse.law_rate:.0f} steps a second look like motion at {coarse.beat:.0f} Hz"
+    return f"{ripple}: to a law of {coarse.law_rate:.0f} Hz, {counts}"
 
 
 def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str:

@@ -30,6 +30,18 @@ def finer_sensor(study: Study, factor: float) -> Changes | None:
     return None
 
 
+def other_law_rates(study: Study) -> list[Changes]:
+    """Changes to the law's rate, from half to twice the present one, the nearest first."""
+    rates = study.drive.rates
+    periods = (n for n in range(-(-rates.divider // 2), 2 * rates.divider + 1) if n != rates.divider)
+    near = sorted(periods, key=lambda n: abs(math.log(n / rates.divider)))
+    return [
+        {"drive.rates.speed_loop": f"{rates.current_loop / n:g} Hz"}
+        for n in near
+        if rates.current_loop % n == 0 and rates.current_loop / n % 1 == 0
+    ]
+
+
 def timed_edges(study: Study) -> Changes | None:
     """The change to a speed from the time between edges; None: the sensor has none, or they are timed."""
     sensor, key = study.drive.position_sensor, "drive.position_sensor"

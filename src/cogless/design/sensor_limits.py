@@ -1,9 +1,20 @@
 """What the sensors leave of the ripple that the law `harmonic` would take away.
 
 The steps of the angle are noise, which the feedback turns into ripple of the true speed (`counting` of
-ripple.py), and which no order holds. This noise is white while a count or more comes in each sample of the
-law. With fewer, several samples show the same angle, and its error swings with the counts. No model of
-learning here has that.
+ripple.py), and which no order holds. The orders learn some of it, too. The angle's noise of density s, in
+rad^2/Hz, looks like a load of w^2 / b times as much at the frequency w of an order. An order that learns at
+the rate r averages it over r / 2 Hz:
+
+    ripple that the steps make while the orders learn, squared:
+        sum over orders of |P_t S|^2 (w^2 / b)^2 s r / 2
+
+If this ripple and that of the feedback together are more than the guard allows, the answer is in doubt. The
+rate falls later, and so does this ripple.
+
+The noise is white while a count or more comes in each sample of the law. With fewer, several samples show the
+same angle, and its error swings with the counts. No model of learning here has that. Where the counts come
+nearly as often as the samples, or a whole number of times as often, the noise is denser among the orders than
+white noise would be (`steps_density`).
 
 The noise of the current sensors is no order either. It makes ripple with learning and without.
 
@@ -31,7 +42,7 @@ from cogless.design.closed_loop import Linear
 from cogless.design.law_rules import feedback_of
 from cogless.design.laws.harmonic import BENDS_FROM, Certificate, Certified, main_order
 from cogless.design.margins import Real
-from cogless.design.ripple import Sampled, counting, current_noise, orders, responses, sampled
+from cogless.design.ripple import HARMFUL_RATIO, Sampled, counting, current_noise, orders, responses, sampled
 from cogless.design.speed_loop import SpeedLoop, speed_loop
 from cogless.design.verdict import SAMPLE_COUNTS_LEAST
 from cogless.design.warnings import CURED_RATIO
@@ -42,6 +53,11 @@ from cogless.units import TURN
 BEND_ANGLE_MOST = 2.404825557695773  # rad, the first zero of J_0
 ERROR_ANGLES = 8  # angles in a wave of the highest order, at which a sensor's error is evaluated
 ERROR_TABLE_ORDERS = 32  # orders of a sensor's error table that are taken
+SAWTOOTH_WAVES = 32  # waves of a step's error that `steps_density` has; the others hold 2 % of its power
+DECAY_DEVIATIONS = 3.5  # standard deviations from which on a normal curve is taken for 0
+DENSITY_WIDTH_LEAST = 1e-4  # per sample
+SPREAD_ROUNDS = 4  # until the ripple of learning and its spread agree to some percent
+WHITE_DENSITY_MOST = 2.0  # density from which on it is said where the steps' noise comes from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +71,9 @@ class Remaining:
     unlearned: float  # its part that orders make which are not learned
     noise: float  # its part that noise of the current sensors makes
     counts: float  # that come in a sample of the law; infinite where the edges are timed
+    law_rate: float  # samples of the law a second
+    steps_density: float  # of the steps' noise among the learned orders, over that of white noise
+    steps_learning: float  # ripple that the steps make while the orders learn at their first rate
 
     @property
     def learned(self) -> float:
@@ -67,9 +86,22 @@ class Remaining:
         return self.learned <= CURED_RATIO * self.alone
 
     @property
+    def few_counts(self) -> bool:
+        """Whether several samples of the law show the same angle."""
+        return self.counts < SAMPLE_COUNTS_LEAST
+
+    @property
     def modelled(self) -> bool:
-        """Whether the noise of the sensor's steps is white, as the model has it."""
-        return self.counts >= SAMPLE_COUNTS_LEAST
+        """Whether the sensor's steps leave learning as the model has it."""
+        learning = math.hypot(self.alone, self.steps_learning)
+        return not self.few_counts and learning <= HARMFUL_RATIO * self.alone
+
+    @property
+    def beat(self) -> float | None:
+        """Frequency, Hz, as which the counts look to the law, if that makes their noise dense; else None."""
+        if self.steps_density <= WHITE_DENSITY_MOST:
+            return None
+        return self.law_rate * abs(self.counts - round(self.counts))
 
 
 def remaining(study: Study, name: str, certified: Certificate) -> list[Remaining]:
@@ -109,11 +141,11 @@ def _remaining(
     assert source is not None
     n, d = orders(study, scenario, omega)
     names = [key for key in study.controllers_in(scenario) if not study.controller[key].learned]
-    feedbacks = [feedback_of(study, key, omega) for key in (name, *names)]
+    feedbacks = [
+        feedback for key in (name, *names) if (feedback := feedback_of(study, key, omega)) is not None
+    ]
     own, *others = (
-        _alone(of_scenario, loop, feedback, omega, (n, d), source, sensor)
-        for feedback in feedbacks
-        if feedback is not None
+        _alone(of_scenario, loop, feedback, omega, (n, d), source, sensor) for feedback in feedbacks
     )
     base = certified.learner.base
     learned = (n % base == 0) & (n <= speed.acting) & ~np.isin(n, speed.held)
@@ -122,6 +154,9 @@ def _remaining(
     bends = certified.learner.bends if bent else 0
     shares = [held_share(sensor, int(order), base, speed.acting, bends) for order in n]
     missed = own.orders * np.sqrt(1 - np.minimum(shares, 1.0))
+    steps_learning, density = (0.0, 0.0)
+    if not source.timed:
+        steps_learning, density = _learned_steps(loop, feedbacks[0], source, base, speed, own.ripple)
     return Remaining(
         omega_m=omega,
         alone=min(alone.ripple for alone in (own, *others)),
@@ -130,7 +165,52 @@ def _remaining(
         unlearned=_rms(own.orders[~learned]),
         noise=own.noise,
         counts=math.inf if source.timed else omega * loop.period / source.count,
+        law_rate=1 / loop.period,
+        steps_density=density,
+        steps_learning=steps_learning,
     )
+
+
+def _learned_steps(
+    plant: SpeedLoop, feedback: Linear, source: Sampled, base: int, speed: Certified, ripple: float
+) -> tuple[float, float]:
+    """Ripple that the sensor's steps make while the orders learn, rad/s rms, and the density of their noise.
+
+    `ripple`: of the feedback alone, rad/s rms.
+    """
+    omega, period = speed.omega_m, plant.period
+    n = np.setdiff1d(np.arange(base, speed.acting + 1, base), speed.held)
+    w = n * omega
+    passed = (np.abs(responses(plant, feedback, w / TURN)[0]) * w**2 / plant.b) ** 2
+    white = source.count**2 / 12 * 2 * period  # rad^2/Hz
+    rate = min(speed.rate, base * omega / math.pi)  # the law has this bound, too
+    turned = omega * period / TURN  # turns in a sample
+    per_sample, width = period / source.count, max(base * turned / 2, DENSITY_WIDTH_LEAST)
+    density = 1.0
+    learning = math.sqrt(white * rate / 2 * float(np.sum(passed)))
+    for _ in range(SPREAD_ROUNDS):  # The ripple spreads the noise that makes it.
+        spread = math.hypot(ripple, learning) * per_sample
+        at_orders = steps_density(omega * per_sample, spread, n * turned, width)
+        density = max(0.0, float(passed @ at_orders)) / max(float(np.sum(passed)), 1e-300)
+        learning = math.sqrt(white * rate / 2 * density * float(np.sum(passed)))
+    return learning, density
+
+
+def steps_density(counts: float, spread: float, f: Real, width: float) -> Real:
+    """Density of the noise of an angle's steps at frequencies, over that of white noise.
+
+    `counts`: steps that come in a sample; `spread`: the rms of this number, by ripple of the speed. `f`, and
+    the `width` over which the density is a mean: per sample. The error of the angle is a sawtooth. Its wave k
+    has 6 / (pi k)^2 of the power and turns k counts times in a sample. Ripple spreads it over a band, by
+    Woodward's theorem in the shape of the speed's distribution, which is taken for normal.
+    """
+    k = np.arange(1, SAWTOOTH_WAVES + 1)[:, None]
+    lag = np.arange(1, math.ceil(DECAY_DEVIATIONS / (math.tau * width)) + 1)  # samples
+    waves = 6 / (math.pi * k) ** 2 * np.cos(math.tau * k * counts * lag)
+    correlation = np.sum(
+        waves * np.exp(-((math.tau * lag) ** 2) * ((k * spread) ** 2 + width**2) / 2), axis=0
+    )
+    return np.asarray(1 + 2 * np.cos(math.tau * np.multiply.outer(f, lag)) @ correlation)
 
 
 def _alone(
