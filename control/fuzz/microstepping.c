@@ -88,6 +88,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     memset(&motor, 0, sizeof motor);
     step(&motor, false, CGL_R(1.0), CGL_R(1.0));
     memset(&motor, 0xFF, sizeof motor);
+    step(&motor, false, CGL_R(1.0), CGL_R(1.0));
     bool ready = tune(&from, &motor, cgl_microstepping_init);
     while (fed(&from)) {
         const uint32_t call = feed_bits(&from, 1U);
