@@ -24,7 +24,7 @@ def microstepping_texts(subject: Subject, prepared: Prepared, recording: Recordi
         "bits": "uint64_t" if double else "uint32_t",
         "ticks": str(len(recording.outputs)),
         "turn_steps": str(TURN_STEPS),
-        "rows": "\n".join(_rows(subject, prepared, recording)),
+        "rows": "\n".join(_test_periods(subject, prepared, recording)),
         "current": f"{law.current:.6g}",
         "amplitude": f"{law.amplitude:.6g}",
         "teeth": str(subject.law_config["teeth"]),
@@ -46,7 +46,7 @@ def _correction(law: Microstepping) -> str:
     return f"for {own:.6g} A rms: at a current I it leaves about abs(I / {own:.6g} A - 1) of the ripple{now}"
 
 
-def _rows(subject: Subject, prepared: Prepared, recording: Recording) -> list[str]:
+def _test_periods(subject: Subject, prepared: Prepared, recording: Recording) -> list[str]:
     """A line of bit patterns for each period of the self-test.
 
     The recorded periods, an electrical turn each way, and references that are not plausible. The engine's
