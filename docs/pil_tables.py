@@ -57,6 +57,7 @@ CASES: list[Case] = [
     ("space-learning position, by delay", "verrelli2016", None, "printed", SINGLE),
     ("trials", "mandra2019", None, "ilc", {}),
     ("trials with an observer", "mandra2019", None, "observer", {}),
+    ("microstepping", "printer", None, "table", SINGLE),
 ]
 RUN_FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: (.*))?", re.MULTILINE)
 

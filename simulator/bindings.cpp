@@ -163,6 +163,11 @@ Reals law_memory(const Drive& drive, DriveState& state) {
     return array_of<Reals>(*cells, {cells->size()});
 }
 
+nb::bytes microstepping_output(const Drive&, const DriveState& state) {
+    const cgl_microstepping_output& output = std::get<MicrosteppingLaw::State>(state.law).output;
+    return nb::bytes(&output, sizeof output);
+}
+
 // Throws std::invalid_argument for a law without a map, or values of another shape.
 void load_map(const Drive& drive, DriveState& state, const std::vector<std::vector<double>>& values) {
     std::visit(
@@ -419,6 +424,8 @@ NB_MODULE(COGLESS_MODULE, m) {
         .def("begin_trial", &begin_trial, "state"_a, "trajectory"_a)
         .def("end_trial", &Drive::end_trial, "state"_a);
     drive.def("law_memory", &law_memory, "state"_a, "A copy of all of the law's memory, which in C is the caller's.");
+    drive.def("microstepping_output", &microstepping_output, "state"_a,
+              "Of a drive with the law microstepping: the output of its last step, a cgl_microstepping_output as bytes.");
     drive.def("load_map", &load_map, "state"_a, "values"_a,
               "Loads a map of the form of `stored`, (channels, cells), into the law's memory, before its first step.");
     drive.def("quality", &quality_of, "state"_a,

@@ -13,7 +13,10 @@
 namespace cogless {
 
 struct MicrosteppingLaw {
-    using State = cgl_microstepping;
+    struct State {
+        cgl_microstepping law;
+        cgl_microstepping_output output;  // of the last step
+    };
     static constexpr const char* name = "microstepping";
 
     cgl_microstepping_config config;
@@ -23,12 +26,12 @@ struct MicrosteppingLaw {
     // Throws std::invalid_argument for a configuration that the control library refuses.
     State start() const {
         State s{};
-        require(cgl_microstepping_init(&s, &config), name, cgl_microstepping_bad_field(&config));
+        require(cgl_microstepping_init(&s.law, &config), name, cgl_microstepping_bad_field(&config));
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        cgl_microstepping_output out;
-        cgl_microstepping_step(&s, in.c.theta_ref, in.c.omega_ref, &out);
+        const cgl_microstepping_output& out = s.output;
+        cgl_microstepping_step(&s.law, in.c.theta_ref, in.c.omega_ref, &s.output);
         if (in.off || !cgl_is_angle(in.c.theta_m)) return {0.0, 0.0, out.status};
         const cgl_phasor rotor = cgl_phasor_of(config.teeth * cgl_turns(in.c.theta_m));
         cgl_real i_d, i_q;

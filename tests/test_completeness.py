@@ -96,6 +96,18 @@ def test_a_law_has_all_that_belongs_to_one(name: str) -> None:
     assert not lacking, f"{name} lacks\n{lacking}"
 
 
+def test_what_is_no_law_of_a_drive_is_fuzzed_too() -> None:
+    """run.sh builds each harness: those of laws of drives by their names, the others by a line."""
+    run, own = text(CONTROL / "fuzz" / "run.sh"), {"map_store", "microstepping"}
+    harnesses = {path.stem for path in (CONTROL / "fuzz").glob("*.c")}
+    assert {stem for stem in harnesses if not stem.startswith("law_")} == own | {"controller"}
+    names = re.findall(r'^names="(.*)"$', run, re.MULTILINE)[0].split()
+    for stem in own:
+        assert re.search(rf'^build {stem} .*"\$here/{stem}\.c"$', run, re.MULTILINE) and stem in names
+    fuzzed = text(CONTROL / "fuzz" / "microstepping.c")
+    assert all(f"cgl_microstepping_{name}" in fuzzed for name in ("init", "retune", "reset(", "step("))
+
+
 def test_what_is_missing_is_named() -> None:
     lacks = missing(CLaw("none", "none", "none.h", "cgl_none_step", "cell", "4U", ()))
     assert len(lacks) == 17 and "docs/laws/none.md" in lacks

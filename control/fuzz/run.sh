@@ -1,5 +1,5 @@
 #!/bin/sh
-# Fuzzes the map loader and every controller: control/fuzz/run.sh [RUNS] [JOBS]. RUNS executions of each, a few thousand
+# Fuzzes the map loader, microstepping and every controller: control/fuzz/run.sh [RUNS] [JOBS]. RUNS executions of each, a few thousand
 # by default; JOBS targets at a time. SEED=0 draws a seed; else it is 1, so that what passes here passes again. Findings and
 # corpora stay in build/fuzz.
 set -eu
@@ -61,7 +61,8 @@ library double -DCOGLESS_DOUBLE
 library untraced -fno-sanitize-coverage=trace-cmp
 build map_store single "$here/map_store.c"
 build map_store-double double -DCOGLESS_DOUBLE "$here/map_store.c"
-names="map_store map_store-double"
+build microstepping untraced -fno-sanitize-coverage=trace-cmp "$here/microstepping.c"
+names="map_store map_store-double microstepping"
 for law in "$here"/law_*.c; do
   name=$(basename "$law" .c)
   build "${name#law_}" untraced -fno-sanitize-coverage=trace-cmp "$here/controller.c" "$law"

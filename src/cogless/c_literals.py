@@ -45,6 +45,15 @@ def _member_lines(
         by_declaration.setdefault(field.declaration, []).append(field)
     for fields in by_declaration.values():
         first = fields[0]
+        if first.type in headers.structs and first.length is not None:
+            entry = headers.structs[first.type]
+            comment = ". ".join([first.comment, *(f"{f.name}: {f.comment}" for f in entry)])
+            lines += _commented(f"{' ' * indent}.{first.name} = {{", comment)
+            for item in _used(values[first.name]):
+                members = ", ".join(f".{f.name} = {_value(item[f.name], f, precision)}" for f in entry)
+                lines.append(f"{' ' * (indent + INDENT_WIDTH)}{{{members}}},")
+            lines.append(f"{' ' * indent}}},")
+            continue
         if first.type in headers.structs:
             opening = f"{' ' * indent}.{first.name} = {{"
             lines += _commented(opening, first.comment)
@@ -62,11 +71,16 @@ def _value(value: Any, field: Field, precision: str) -> str:
     if field.pointer:
         return str(value)
     if isinstance(value, list):
-        used = len(value)
-        while used > 1 and not value[used - 1]:  # C fills an array up with zeros
-            used -= 1
-        return "{" + ", ".join(_plain(item, precision) for item in value[:used]) + "}"
+        return "{" + ", ".join(_plain(item, precision) for item in _used(value)) + "}"
     return _plain(value, precision)
+
+
+def _used(values: list[Any]) -> list[Any]:
+    """An array's entries without the zeros at its end, but one: C fills it up with zeros."""
+    used = len(values)
+    while used > 1 and not (any(last.values()) if isinstance(last := values[used - 1], dict) else last):
+        used -= 1
+    return values[:used]
 
 
 def _plain(value: Any, precision: str) -> str:

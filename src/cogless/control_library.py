@@ -117,6 +117,16 @@ def _laws() -> Iterator[CLaw]:
 
 
 C_LAWS = {law.name: law for law in _laws()}
+# Without a drive around it, so it has no row in laws.def.
+MICROSTEPPING = CLaw(
+    name="microstepping",
+    stem="microstepping",
+    header="microstepping.h",
+    step="cgl_microstepping_step",
+    cells=None,
+    length=None,
+    terms=(),
+)
 
 
 STRUCT = re.compile(r"typedef struct \{(.*?)\n\} (\w+);", re.DOTALL)

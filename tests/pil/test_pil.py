@@ -25,7 +25,7 @@ from cogless.export.prepared import prepare
 from cogless.pil import toolchain
 from cogless.pil.compare import compare
 from cogless.pil.processor import Processor
-from cogless.pil.target import Target, build
+from cogless.pil.target import CoilTarget, Target, build
 
 EMULATOR = all(importlib.util.find_spec(name) for name in ("unicorn", "elftools"))
 COMPILERS = [
@@ -53,6 +53,8 @@ CASES: list[tuple[str, str, str, dict[str, Any], int]] = [
     ("liu2018", "60-rpm", "pi-ilc", {"drive.bus": BUS}, 1500),
     ("liu2018", "900-rpm", "robust-ilc", {"drive.bus": BUS, **COMPENSATED}, 1500),
     ("mandra2019", "table-1", "ilc", SHORT | {"drive.bus": BUS}, 1100),
+    ("printer", "50-mm-s-back", "table", {"drive.precision": "single"}, 1500),  # a law without a drive
+    ("printer", "20-mm-s", "table", {}, 150),
 ]
 
 
@@ -138,6 +140,24 @@ def test_the_first_difference_is_told(
     code, out, _ = cogless(capsys, *arguments, "--json")
     assert code == 1
     assert json.loads(out)["difference"]["tick"] == 42
+
+
+@needs_both
+def test_a_coil_s_current_that_differs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = CoilTarget.step
+
+    def wrong(target: CoilTarget, measurement: bytes, reference: bytes) -> bytes:
+        out = step(target, measurement, reference)
+        return out[:4] + bytes([out[4] ^ 1]) + out[5:] if len(target.counts) == 43 else out
+
+    monkeypatch.setattr(CoilTarget, "step", wrong)
+    study = load("printer", {"drive.precision": "single"})
+    found = compare(study, "table", "20-mm-s", 100, toolchain.find())
+    assert found.difference is not None
+    assert (found.difference.tick, found.difference.field) == (42, "i_b")
+    assert found.difference.simulation == pytest.approx(found.difference.processor, rel=1e-6)
+    assert (found.law, found.memory, found.without_law) == ("microstepping", 0, None)
+    assert found.constants == 204 < found.flash < 2500 and found.constants < found.ram
 
 
 @needs_both

@@ -43,7 +43,7 @@ def export(
     """Write a controller for firmware (c), or for other simulators (fmu).
 
     c: its constants, the code, a self-test, an example. The self-test repeats the beginning of the scenario.
-    A study of a linear plant has no drive: its export is the law alone.
+    A study of a linear plant has no drive, nor has the law microstepping: their exports are the law alone.
 
     fmu: the controller, and the drive in the scenario as its plant, each for FMI 2.0 and 3.0 (co-simulation),
     built by your C and C++ compilers (CC and CXX).

@@ -38,6 +38,11 @@ class Prepared(Plan):
         return "trials" in self.description
 
     @property
+    def has_drive(self) -> bool:
+        """Whether the law's C has a drive around it."""
+        return not self.study.controller[self.controller].NO_DRIVE
+
+    @property
     def has_bus(self) -> bool:
         """Whether the law runs elsewhere, over a bus."""
         return "bus" in self.description["drive"]
@@ -88,10 +93,15 @@ class Recording:
 
 
 class Recorder:
-    """The drive's own controller, whose inputs and outputs are recorded."""
+    """The drive's own controller, whose inputs and outputs are recorded.
+
+    The outputs of a law without a drive around it are its own, not those of the drive that it is simulated
+    in.
+    """
 
     def __init__(self, prepared: Prepared) -> None:
         self._drive, self._state = prepared.drive, prepared.start()
+        self._alone = not prepared.has_drive
         self._measured = b"", b""
         self.recording = Recording()
 
@@ -116,7 +126,7 @@ class Recorder:
         recording = self.recording
         recording.measurements.append(measurement)
         recording.references.append(reference)
-        recording.outputs.append(output)
+        recording.outputs.append(self._drive.microstepping_output(self._state) if self._alone else output)
         return output
 
     def begin(self, trajectory: bytes) -> None:

@@ -54,6 +54,14 @@ def store() -> list[str]:
     return closure((f"{name}{end}" for name in STORE for end in (".h", ".c")), code=False)
 
 
+def with_library(texts: Mapping[str, str], names: Iterable[str]) -> dict[str, bytes]:
+    """Contents of an export: these texts, and of the control library these files and its licence."""
+    library = control_sources() / "cogless"
+    copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
+    own = {name: text.encode() for name, text in texts.items()}
+    return own | copied | {"cogless/LICENSE": licence().read_bytes()}
+
+
 def defined_in() -> dict[str, str]:
     """For each function of the control library, the name of the .c file that defines it, without suffix."""
     files = sorted((control_sources() / "cogless").glob("*.c"))

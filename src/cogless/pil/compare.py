@@ -14,7 +14,7 @@ from cogless.c_layout import Layout
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared, Recording, prepare, record, run
 from cogless.pil.processor import Image
-from cogless.pil.target import Target, build
+from cogless.pil.target import CoilTarget, Target, build
 from cogless.pil.toolchain import Toolchain
 from cogless.run.plan import RunProgress
 from cogless.study import AnyStudy
@@ -86,15 +86,20 @@ def compare(
 ) -> Comparison:
     """Run the simulation, then the processor in closed loop with the same plant, and compare them.
 
+    A law without a drive and feedback gets the simulation's references, without the plant.
     `ticks`: default 100,000, and at most those of the scenario. StudyError: one of the two fails.
     """
     prepared = prepare(study, scenario, controller)
     ticks = min(ticks or TICKS_DEFAULT, prepared.ticks)
     subject, image = build(prepared, toolchain)
     recording = record(prepared, ticks)
-    target = Target(subject, image, prepared.memory)
-    watched = _Watched(target, subject.layout, recording, ticks, progress)
-    run(prepared, watched, ticks)
+    target = (Target if subject.has_drive else CoilTarget)(subject, image, prepared.memory)
+    watched = _Watched(target, subject.layout, recording, ticks, progress, subject.output)
+    if subject.has_drive:
+        run(prepared, watched, ticks)
+    else:  # it has no feedback
+        for measurement, reference in zip(recording.measurements, recording.references, strict=True):
+            watched.step(measurement, reference)
     difference = watched.difference or _memory_difference(target, recording, ticks)
     return _comparison(prepared, subject, image, target, difference, toolchain)
 
@@ -103,8 +108,15 @@ class _Watched:
     """A target whose outputs are compared with those of the simulation, tick by tick."""
 
     def __init__(
-        self, target: Target, layout: Layout, expected: Recording, ticks: int, progress: RunProgress
+        self,
+        target: Target,
+        layout: Layout,
+        expected: Recording,
+        ticks: int,
+        progress: RunProgress,
+        output: str = "cgl_drive_output",
     ) -> None:
+        self._output = output
         self._target, self._layout, self._wanted = target, layout, expected
         self._ticks, self._progress, self._tick = ticks, progress, 0
         self._measurement = b""
@@ -128,7 +140,7 @@ class _Watched:
         tick, recording = self._tick, self._wanted
         self._tick += 1
         if out != recording.outputs[tick] or measurement != recording.measurements[tick]:
-            self._compare("cgl_drive_output", recording.outputs[tick], out)
+            self._compare(self._output, recording.outputs[tick], out)
             self._compare("cgl_measurement", recording.measurements[tick], measurement)
         if tick % REPORT_TICKS == 0:
             self._progress(tick / self._ticks)

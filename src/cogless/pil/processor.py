@@ -6,6 +6,7 @@ A linked program image: its bytes, its symbols, and the flash that it takes.
 from __future__ import annotations
 
 import importlib.util
+import struct
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping
@@ -115,8 +116,11 @@ class Processor:
         # the hook is called for each block (instructions without a jump between them) that is run
         self._uc.hook_add(unicorn.UC_HOOK_BLOCK, lambda uc, address, size, data: visit((address, size)))
 
-    def call(self, function: str, *arguments: int) -> int:
-        """Run a function to its end and return its result; StudyError where the processor faults."""
+    def call(self, function: str, *arguments: int, reals: bytes = b"") -> int:
+        """Run a function to its end and return its result; StudyError where the processor faults.
+
+        `reals`: its floating-point arguments, one behind the other.
+        """
         registers = (
             self._arm.UC_ARM_REG_R0,
             self._arm.UC_ARM_REG_R1,
@@ -125,6 +129,8 @@ class Processor:
         )
         for register, value in zip(registers, arguments, strict=False):
             self._uc.reg_write(register, value)
+        for n, (word,) in enumerate(struct.iter_unpack("<I", reals)):
+            self._uc.reg_write(self._arm.UC_ARM_REG_S0 + n, word)
         self._uc.reg_write(self._arm.UC_ARM_REG_SP, STACK_TOP)
         self._uc.reg_write(self._arm.UC_ARM_REG_LR, RETURN_ADDRESS | 1)
         try:

@@ -36,6 +36,15 @@ ${parts}__attribute__((section(".functions"), used))
 const void *const pil_functions[] = {&pil_controller, ${functions}};
 """
 
+# C source: the same for a law without a drive.
+LAW_EXCHANGE = """#include "${stem}.h"
+
+${name}_controller pil_controller;
+__attribute__((section(".exchange"))) ${output} pil_exchange;
+__attribute__((section(".functions"), used))
+const void *const pil_functions[] = {&pil_controller, ${functions}};
+"""
+
 # C source: the parts of the exported step, for a drive whose law has what has reached it over a bus.
 PARTS = """
 bool pil_measure(${name}_controller *controller, const cgl_measurement *now, const cgl_reference *reference)
@@ -89,7 +98,7 @@ class Target:
         self._in = image.symbols["pil_exchange"].address
         self._reference = self._in + size("cgl_measurement")
         self._out = self._reference + size("cgl_reference")
-        self._out_size = size("cgl_drive_output")
+        self._out_size = size(subject.output)
         self._motion = self._out + self._out_size
         values = subject.law_config["samples"] if subject.law.name == "trial" else 1
         self._over_bus = self._motion + values * self._dtype.itemsize
@@ -208,6 +217,20 @@ class Target:
         return self._processor.call(f"{self._subject.name}_{function}", *arguments)
 
 
+class CoilTarget(Target):
+    """The exported law `microstepping`, without a drive: references in, the coils' currents out."""
+
+    def __init__(self, subject: Subject, image: Image, memory: Reals) -> None:
+        super().__init__(subject, image, memory)
+        self._out = self._in
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes:
+        motion = reference[: 2 * self._dtype.itemsize]  # theta_ref and omega_ref, the first members
+        name = f"{self._subject.name}_step"
+        self._processor.call(name, self._controller, self._out, reals=motion)
+        return self._output()
+
+
 def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
     """Compile the files of an export, unchanged, for the Cortex-M4F; StudyError if that fails."""
     subject = subject_of(prepared)
@@ -239,4 +262,5 @@ def _exchange(subject: Subject, has_bus: bool) -> str:
     words["motion"] = str(subject.law_config["samples"] if trials else 1)
     words["functions"] = ", ".join(f"(const void *){name}" for name in names)
     words["parts"] = Template(PARTS).substitute(words | parts(subject)) if has_bus else ""
-    return Template(EXCHANGE).substitute(words)
+    words["output"] = subject.output
+    return Template(EXCHANGE if subject.has_drive else LAW_EXCHANGE).substitute(words)

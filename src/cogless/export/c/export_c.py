@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from cogless.c_layout import Layout, control_layout
-from cogless.control_library import C_LAWS
+from cogless.control_library import C_LAWS, MICROSTEPPING
 from cogless.export import sources
+from cogless.export.c.coils import microstepping_texts
 from cogless.export.c.parts import motion_parts
 from cogless.export.c.self_test import awkward
 from cogless.export.c.subject import Subject, identifier, study_hash
 from cogless.export.c.texts import texts
 from cogless.export.prepared import Prepared, Recording, first_scenario, prepare_whole, record
-from cogless.files import control_sources, versions
+from cogless.files import versions
 from cogless.study import AnyStudy
 
 
@@ -103,7 +104,7 @@ def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
     """Collect the data for the exported files: study, gains, layout of the C structs, verdict."""
     drive, controller = prepared.description["drive"], prepared.description["controller"]
-    law, matrix = C_LAWS[controller["law"]], controller.get("learning_matrix")
+    law, matrix = C_LAWS.get(controller["law"], MICROSTEPPING), controller.get("learning_matrix")
     assert prepared.study.drive is not None
     layout = control_layout(prepared.study.drive.precision)
     stored = prepared.drive.stored(prepared.start())
@@ -137,12 +138,12 @@ def _part(layout: Layout, drive: dict[str, Any], name: str) -> dict[str, Any] | 
 
 def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict[str, bytes]:
     """Contents of the exported files, by their path in the folder."""
+    if not subject.has_drive:
+        written = microstepping_texts(subject, prepared, recording)
+        return sources.with_library(written, sources.closure(subject.parts))
     motion = recording.begun[0][1] if recording.begun else None
     stretches = awkward(subject, prepared, motion)
     written = texts(subject, recording, prepared.memory, stretches)
-    encoded = {name: text.encode() for name, text in written.items()}
-    library = control_sources() / "cogless"
     parts = [*subject.parts, *motion_parts(subject)]
     names = {*sources.closure(parts), *(sources.store() if subject.map else ())}
-    copied = {f"cogless/{name}": (library / name).read_bytes() for name in names - subject.unused}
-    return encoded | copied | {"cogless/LICENSE": sources.licence().read_bytes()}
+    return sources.with_library(written, names - subject.unused)

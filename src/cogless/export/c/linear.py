@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -16,10 +13,17 @@ from cogless.c_literals import initialiser
 from cogless.control_library import C_LAWS
 from cogless.export import sources
 from cogless.export.c.export_c import figures
-from cogless.export.c.subject import identifier, stem, study_hash
-from cogless.export.c.texts import C_FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
+from cogless.export.c.subject import identifier, study_hash
+from cogless.export.c.texts import (
+    C_FLAGS,
+    figure_lines,
+    law_texts,
+    matrix_array,
+    study_words,
+    verdict_comment,
+)
 from cogless.export.prepared import first_scenario
-from cogless.files import control_sources, versions
+from cogless.files import versions
 from cogless.results.trace import Trace
 from cogless.run.plan import Plan, failures, plan, trace_of
 from cogless.study import TrialStudy
@@ -73,22 +77,7 @@ def contents(study: TrialStudy, planned: Plan, trace: Trace, trials: int, comman
         "trials": str(trials),
         "rows": _bit_pattern_lines(trace),
     }
-    assets = {
-        f"{words['stem']}.h": "linear.h",
-        f"{words['stem']}.c": "linear.c",
-        "self_test.c": "linear_test.c",
-        "self_test_data.h": "linear_data.h",
-        "README.md": "linear_README.md",
-    }
-    folder_of_assets = files("cogless.export").joinpath("assets", "c")
-    texts = {
-        name: Template(folder_of_assets.joinpath(asset).read_text(encoding="utf-8")).substitute(words)
-        for name, asset in assets.items()
-    }
-    library = control_sources() / "cogless"
-    copied = {f"cogless/{name}": (library / name).read_bytes() for name in sources.closure(["trial.h"])}
-    written = {name: text.encode() for name, text in texts.items()}
-    return written | copied | {"cogless/LICENSE": sources.licence().read_bytes()}
+    return sources.with_library(law_texts("linear", words), sources.closure(["trial.h"]))
 
 
 def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
@@ -103,20 +92,8 @@ def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str,
     numbers, verdict = figures(study, scenario, controller)
     entries = law.entries(config)
     assert entries is not None
-    title = plain_comment(study.title)
     return {
-        "name": name,
-        "stem": stem(name),
-        "NAME": name.upper(),
-        "controller": controller,
-        "scenario": scenario,
-        "study": study.name,
-        "title": title.rstrip("."),
-        "title_comment": textwrap.fill(title, 118, initial_indent=" * ", subsequent_indent=" * "),
-        "hash": study_hash(study),
-        "version": versions()["cogless"],
-        "command": command,
-        "law": str(getattr(study.controller[controller], "law", law.name)),
+        **study_words(study, scenario, controller, command),
         "flags": f"{C_FLAGS} -DCOGLESS_DOUBLE",
         "period": f"{study.period:g}",
         "samples": str(study.samples(scenario)),

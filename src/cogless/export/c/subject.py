@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.c_layout import Layout
-from cogless.control_library import CLaw, Headers
+from cogless.control_library import MICROSTEPPING, CLaw, Headers
 from cogless.results.results_json import as_json
 from cogless.study import AnyStudy
 
@@ -44,8 +44,20 @@ class Subject:
     command: str  # command line of this export
 
     @property
+    def has_drive(self) -> bool:
+        """Whether a drive is around the law."""
+        return self.law is not MICROSTEPPING
+
+    @property
+    def output(self) -> str:
+        """C type of what a step gives."""
+        return "cgl_drive_output" if self.has_drive else f"{self.law.state}_output"
+
+    @property
     def parts(self) -> list[str]:
         """Headers of the parts of the control library that the controller consists of."""
+        if not self.has_drive:
+            return [self.law.header]
         more = {
             "current_reference.h": self.current_reference_config,
             "dead_time.h": self.dead_time_config,
@@ -63,7 +75,7 @@ class Subject:
     def left_out(self) -> dict[str, set[str]]:
         """Macros that leave out parts of the control library, each with the files that aren't needed then."""
         parts: dict[str, set[str]] = {}
-        if self.drive_config["unguarded"]:
+        if self.has_drive and self.drive_config["unguarded"]:
             parts["COGLESS_NO_GUARD"] = {"guard.c"}
         if self._kind == "CGL_MEMORY_ANGLE":
             parts["COGLESS_NO_DELAY_LINE"] = {"delay_line.c", "delay_line.h"}

@@ -6,16 +6,17 @@ Texts for README and example: what the user's board must measure, do and store.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from string import Template
 
 from cogless.c_literals import array, initialiser, real
 from cogless.export.c.parts import HEADERS, corner, extras, motion, parts, sensor
 from cogless.export.c.self_test import Stretch, self_test_words
-from cogless.export.c.subject import Subject, stem, study_hash
+from cogless.export.c.subject import Subject, identifier, stem, study_hash
 from cogless.export.prepared import Reals, Recording
 from cogless.files import versions
+from cogless.study import AnyStudy
 from cogless.study.position_sensor import Counted, Encoder, Hall
 
 
@@ -153,48 +154,74 @@ def texts(
     return {name: _filled(names.get(name, name), words) for name in (*names, *same)}
 
 
+def law_texts(assets: str, words: Mapping[str, str]) -> dict[str, str]:
+    """Text of each file of the export of a law without a drive. `assets`: how its templates' names begin."""
+    names = {
+        f"{words['stem']}.h": ".h",
+        f"{words['stem']}.c": ".c",
+        "self_test.c": "_test.c",
+        "self_test_data.h": "_data.h",
+        "README.md": "_README.md",
+    }
+    return {name: _filled(f"{assets}{ending}", words) for name, ending in names.items()}
+
+
 def controller_texts(subject: Subject) -> dict[str, str]:
     """Texts of the controller's header and source alone, by file name, to compile with the whole library."""
     words = _template_words(subject) | {"macro_checks": _precision_check(subject.precision == "d")}
     return {f"{stem(subject.name)}{end}": _filled(f"controller{end}", words) for end in (".h", ".c")}
 
 
-def _filled(asset: str, words: dict[str, str]) -> str:
+def _filled(asset: str, words: Mapping[str, str]) -> str:
     template = files("cogless.export").joinpath("assets", "c", asset).read_text(encoding="utf-8")
     return Template(template).substitute(words)
 
 
+def study_words(study: AnyStudy, scenario: str, controller: str, command: str) -> dict[str, str]:
+    """What fills the templates' placeholders about the study. `command`: the command line of the export."""
+    name, title = identifier(controller), plain_comment(study.title)
+    return {
+        "name": name,
+        "stem": stem(name),
+        "NAME": name.upper(),
+        "controller": controller,
+        "scenario": scenario,
+        "study": study.name,
+        "title": title.rstrip("."),
+        "title_comment": textwrap.fill(title, 118, initial_indent=" * ", subsequent_indent=" * "),
+        "hash": study_hash(study),
+        "version": versions()["cogless"],
+        "command": command,
+        "law": study.controller[controller].law,
+    }
+
+
+def law_words(subject: Subject) -> dict[str, str]:
+    """What fills the placeholders of every law's templates."""
+    s = subject
+    double = s.precision == "d"
+    own = {"learning_matrix": f"{s.name}_learning_matrix"} if s.learning_matrix is not None else {}
+    return {
+        **study_words(s.study, s.scenario, s.controller, s.command),
+        "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
+        "macro_checks": "\n".join([_precision_check(double), *map(_left_out_check, s.left_out)]),
+        "defines": "".join(f", `-D{name}`" for name in s.defines),
+        "flags": " ".join([C_FLAGS, *(f"-D{name}" for name in s.defines)]),
+        "rate": str(s.rate),
+        "law_values": initialiser(s.headers, s.law.config, s.law_config | own, s.precision),
+    }
+
+
 def _template_words(subject: Subject) -> dict[str, str]:
     s, name = subject, subject.name
-    double = s.precision == "d"
-    rate = str(s.rate)
     entries = s.law.entries(s.law_config)
     state = s.law.state
     period = "" if s.law.name == "trial" else ", &controller->drive.loop"
     length = f"{name.upper()}_MEMORY_LENGTH"
     memory = f", controller->memory, {length}" if entries else ""
-    own = {"learning_matrix": f"{name}_learning_matrix"} if s.learning_matrix is not None else {}
     return {
-        "name": name,
-        "stem": stem(name),
-        "NAME": name.upper(),
+        **law_words(s),
         "pad": " " * len(name),
-        "controller": s.controller,
-        "scenario": s.scenario,
-        "study": s.study.name,
-        "title": plain_comment(s.study.title).rstrip("."),
-        "title_comment": textwrap.fill(
-            plain_comment(s.study.title), 118, initial_indent=" * ", subsequent_indent=" * "
-        ),
-        "hash": study_hash(s.study),
-        "version": versions()["cogless"],
-        "command": s.command,
-        "law": str(getattr(s.study.controller[s.controller], "law", s.law.name)),
-        "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
-        "macro_checks": "\n".join([_precision_check(double), *map(_left_out_check, s.left_out)]),
-        "defines": "".join(f", `-D{name}`" for name in s.defines),
-        "flags": " ".join([C_FLAGS, *(f"-D{name}" for name in s.defines)]),
-        "rate": rate,
         "law_rate": f"{s.rate / s.divider:g}",
         "period": real(1 / s.rate, s.precision),
         "divider": str(s.divider),
@@ -202,7 +229,6 @@ def _template_words(subject: Subject) -> dict[str, str]:
         "law_state": s.law.state,
         "law_config": s.law.config,
         "law_step": s.law.step,
-        "law_values": initialiser(s.headers, s.law.config, s.law_config | own, s.precision),
         "drive_config": initialiser(s.headers, "cgl_drive_config", s.drive_config, s.precision),
         "init_call": f"{state}_init(&controller->law, &{name}_law_config{period}{memory})",
         "reset_call": f"{state}_reset(&controller->law)",

@@ -130,7 +130,13 @@ def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: P
     `scenario`: the one that the drive simulates, default the first that has the controller. StudyError: an
     unknown name, a law without a C form, no compiler.
     """
-    run = prepare(study, first_scenario(study, controller, scenario), controller)
+    where = first_scenario(study, controller, scenario)
+    if (law := study.controller[controller]).NO_DRIVE:
+        raise StudyError(
+            f'{study.source.path}: controller.{controller}.law: "{law.law}": has no drive around it: '
+            "expected a law of a drive; `cogless export --to c` writes the law alone"
+        )
+    run = prepare(study, where, controller)
     for language in LANGUAGE_COMPILERS:
         compiler(language)
     with writable(folder):

@@ -227,6 +227,7 @@ class Base(Table):
     # what it must have to start from a map, which it lacks
     NEEDS: ClassVar[str] = "none, since the memory is over time"
     NO_C_FORM: ClassVar[str] = ""  # why it can't be exported as C; "": it can
+    NO_DRIVE: ClassVar[bool] = False  # whether its C has no drive around it
     NOT_ON_PAGE: ClassVar[str] = ""  # why a live page can't run it; "": it can
 
     # whether it is a law of trials, whose study designs all of its numbers

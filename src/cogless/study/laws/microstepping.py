@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
-from cogless.control_library import whole_number
+from cogless.control_library import MICROSTEPPING, whole_number
 from cogless.files import reason
 from cogless.study.laws.law import Base, LawLoop, StudyOfLaws
 from cogless.study.position_sensor import IdealSensor
@@ -112,7 +112,7 @@ def _wave(wave: Mapping[str, Any]) -> Wave:
 class Microstepping(Base):
     """Microstepping of a step motor without a sensor, with a correction of the angle by orders."""
 
-    NO_C_FORM: ClassVar[str] = "has its C in microstepping.h, without a drive around it"
+    NO_DRIVE: ClassVar[bool] = True
     NOT_ON_PAGE: ClassVar[str] = "it has no gains to try"
 
     open_loop: ClassVar[bool] = True
@@ -148,7 +148,7 @@ class Microstepping(Base):
 
     @property
     def c_struct(self) -> str:
-        return "cgl_microstepping_config"
+        return MICROSTEPPING.config
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         correction = self.correction or AngleCorrection()
