@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -87,7 +88,8 @@ def run(
     failures: list[StudyError] = []
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
-    with locked_folder(place, _names(loaded, pairs, plots, not no_traces, with_page)):
+    with ExitStack() as lock:
+        lock.enter_context(locked_folder(place, _names(loaded, pairs, plots, not no_traces, with_page)))
         with run_progress(run_count) as progress, no_exit():
             try:
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
@@ -106,15 +108,16 @@ def run(
                     failures.append(error)
                 written = all(isinstance(failure, RunError) for failure in failures)
                 _print(results, folder, with_page, written, every_metric)
-    if defect is not None:
-        raise defect
-    if failures:
-        raise StudyError("\n".join(map(str, failures)))
-    if results.interrupted or requests.count:
-        runs = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
-        where = f" ({runs}), written to {folder}" if runs else ", nothing written"
-        say(f"Interrupted: kept {len(results.runs)} of {run_count} runs{where}.")
-        sys.exit(EXIT_INTERRUPTED)
+            lock.close()
+            if defect is not None:
+                raise defect
+            if failures:
+                raise StudyError("\n".join(map(str, failures)))
+            if results.interrupted or requests.count:
+                runs = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
+                where = f" ({runs}), written to {folder}" if runs else ", nothing written"
+                say(f"Interrupted: kept {len(results.runs)} of {run_count} runs{where}.")
+                sys.exit(EXIT_INTERRUPTED)
 
 
 def _names(
