@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trial_studies
+from design.test_back_emf import STEP_MOTOR
 
 import cogless
 from cogless.cli.printed import a_metric
@@ -357,6 +358,10 @@ CASES: dict[str, list[Case]] = {
     "design.turning.unstable_turning": [
         Case(MY_MOTOR, {**NONE, **FEW_SAMPLES, "scenario.slow.reference": "3600 rpm"},
              "samples in an electrical turn", left=0.5, cures=3),
+    ],
+    "design.back_emf.back_emf_warning": [
+        Case(STEP_MOTOR, {"controller.pi.tuning.phase_margin": "45 deg"}, "back-EMF its loop is unstable",
+             left=0.1),
     ],
     "design.turning.late_angle": [
         Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "2 ms"}, "turns the torque round",

@@ -7,10 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from cogless import units
+from cogless.design.back_emf import is_unstable_with_back_emf, response_factors
 from cogless.design.changes import either, first
 from cogless.design.gentler import other_law_rates
 from cogless.design.laws.harmonic import Certificate, certificate
+from cogless.design.laws.harmonic_transfer import BELIEF_FACTORS
 from cogless.design.margins import finite
 from cogless.design.sensor_limits import Remaining, remaining
 from cogless.design.settling import Settling, left_out, settling
@@ -30,6 +34,7 @@ CLAUSES: dict[Kind, str] = {
     "may grow": "it may grow",
     "may be unstable": "it may be unstable",
 }
+UNSTABLE_WITH_BACK_EMF = "no, because its feedback is unstable with the motor's back-EMF"
 AnswerVerdict = Literal["yes", "no", "not worth it", "not sure", "not judged"]
 
 
@@ -110,6 +115,8 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
         return Answer("no", "it learned before the run, and doesn't learn in it")
     if design.certificate is not None:
         return _certified(study, name, design.certificate)
+    if is_unstable_with_back_emf(study, name):
+        return Answer("no", UNSTABLE_WITH_BACK_EMF)
     if verdict is None:
         return Answer("not judged", "not judged: it is a law of the study's own")
     if verdict.kind == "settles":
@@ -131,11 +138,22 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     speeds = certificate.speeds
     if not speeds or all(speed.snaps is not None for speed in speeds):
         return Answer("not judged", certificate.words())
+    if is_unstable_with_back_emf(study, name):
+        return Answer("no", UNSTABLE_WITH_BACK_EMF)
     if certificate.fine:
         times, lacks = settling(study, name, certificate), left_out(study, name)
         reach = _reach(study, certificate.fastest)
         settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
         at_speeds = remaining(study, name, certificate)
+        heavy = _heavier_than_certified(study, certificate)
+        if heavy:
+            return Answer(
+                "not sure",
+                f"not sure: {heavy}; a run tells. By small signals {settles}",
+                times,
+                lacks,
+                at_speeds,
+            )
         cures = _quieter_rates(study, name, at_speeds)
         return Answer(*_beside_sensor(study, at_speeds, settles, cures), times, lacks, at_speeds, cures)
     bad = next(speed for speed in speeds if not speed.fine)
@@ -145,6 +163,22 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     if bad.gamma <= 0:
         return Answer("no", f"no, because at {at} not all orders need converge where the inertia is 50 % off")
     return Answer("no", f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
+
+
+def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
+    """Why the back-EMF takes the rotor out of what the certificate covers, as a clause; "" if it does not."""
+    least, most = min(BELIEF_FACTORS), max(BELIEF_FACTORS)
+    for speed in certificate.speeds:
+        base = certificate.learner.base
+        orders = np.setdiff1d(np.arange(base, speed.acting + 1, base), speed.held)
+        factors = response_factors(study, orders * speed.omega_m)
+        beyond = np.flatnonzero((factors < least) | (factors > most))
+        if len(beyond):
+            order, factor = orders[beyond[0]], factors[beyond[0]]
+            at, emf = f"at {speed_text(study, speed.omega_m)}", "with the motor's back-EMF the rotor answers"
+            sure = f"convergence is sure from {least:g} to {most:g} times"
+            return f"{at}, {emf} order {order} {factor:.2g} times as much; {sure}"
+    return ""
 
 
 def _quieter_rates(study: Study, name: str, speeds: Sequence[Remaining]) -> tuple[Changes, ...]:

@@ -68,6 +68,15 @@ class Linear:
     k_r: float = 0.0  # A/rad, on the sum of past S = omega_t + c integral(omega_t)
     c: float = 0.0  # 1/s
 
+    @property
+    def integrators(self) -> int:
+        """Poles of the open loop at z = 1."""
+        integrators = 0
+        if self.k or self.k_i:
+            double = self.k_r > 0 and self.c > 0
+            integrators = 1 + (self.k_theta > 0) + max(self.k_i > 0, self.k_r > 0) + double
+        return max(integrators, 2) if self.k_v else integrators
+
     def response(self, w: Real, T: float) -> Complex:
         """C at w in rad/s with sample period T."""
         C = pi_response(w, T, self.k, self.k_i)
@@ -214,13 +223,7 @@ def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
     """Margins of the open loop L; unstable if its current loop is."""
     if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
-    integrators = 0
-    if feedback.k or feedback.k_i:
-        double = feedback.k_r > 0 and feedback.c > 0
-        integrators = 1 + (feedback.k_theta > 0) + max(feedback.k_i > 0, feedback.k_r > 0) + double
-    if feedback.k_v:
-        integrators = max(integrators, 2)
-    return margins_of(lambda w: open_loop(loop, feedback, w), loop.period, integrators, loop.near)
+    return margins_of(lambda w: open_loop(loop, feedback, w), loop.period, feedback.integrators, loop.near)
 
 
 @lru_cache(maxsize=32)

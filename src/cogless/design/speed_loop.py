@@ -205,14 +205,14 @@ def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: st
         return True
 
     key = dotted(("controller", name, "tuning"))
-    ways = [first(study, tried, cured) for tried in _faster(study)]
+    ways = [first(study, tried, cured) for tried in faster_loop(study)]
     softer = _softer(study, name, cured)
     cures = (*(cure for way in ways for cure in way), *([softer] if softer is not None else []))
     would = f"; {either(cures)} would do" if cures else ""
     return StudyError(f"{study.source.path}: {key}: {why}{would}").advising(*cures)
 
 
-def _faster(study: Study) -> Iterator[list[Changes]]:
+def faster_loop(study: Study) -> Iterator[list[Changes]]:
     """Lists of changes that take lag out of the loop; each list begins with the smallest change."""
     drive, tables = study.drive, study.source.tables["drive"]
     sensor = drive.position_sensor

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design import verdict as learning
+from cogless.design.back_emf import back_emf_warning
 from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.current_needed import starts_after, too_much_current
@@ -295,6 +296,7 @@ def warnings(study: Study, scenario: str, name: str) -> list[Remark]:
 def notes(study: Study, name: str) -> list[Remark]:
     """Warnings of what a law, its map and its sensor cost or leave, one line each, key first."""
     all_of = (
+        back_emf_warning,
         map_warning,
         slow_warning,
         _less_margin,

@@ -404,6 +404,8 @@ def _drive(
     section = sheet.section("[drive.current_loop]")
     bandwidth = current_rate * BANDWIDTH_SHARE
     section.put("bandwidth", f"{bandwidth:.4g} Hz", note="a 25th of the current loop's rate")
+    if "no_decoupling" in drive.table:
+        section.put("decoupling", False, f"from: {drive.table['no_decoupling']}")
     if "current-limit" in request.numbers:
         section.put("current_limit", request.numbers["current-limit"].text)
     else:

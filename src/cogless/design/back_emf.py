@@ -1,0 +1,135 @@
+"""The margins of a loop with the motor's back-EMF, which the other models leave out.
+
+The back-EMF K_e omega_m disturbs the current. The current loop takes most of it away. The drive's decoupling
+adds the back-EMF of the measured speed to the voltage. That speed is late, by the observer or the filter
+behind it, so the decoupling helps less towards higher frequencies, and then does harm. With the admittance Y
+of the closed current loop, the response H from the true to the measured speed, and the delay D of the voltage
+
+    i = i_ref G / (1 + G) - Y (K_e - K_d H D) omega_m,    Y = 1 / ((R + s L) (1 + G))
+
+G is the open current loop, and K_d is K_e as the drive believes it, or 0 without decoupling. With
+
+    E = b Y (K_e - K_d H D) / s
+
+the open loop L becomes L / (1 + E). The closed loop is stable if L + E does not encircle -1. At low
+frequencies Y is s / k_i, so the back-EMF acts like a further inertia, K_t K_e / k_i. The inertia of a small
+step motor is a fraction of that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from cogless.design.changes import either, first
+from cogless.design.closed_loop import Linear, open_loop, position_margins
+from cogless.design.law_rules import feedback_of
+from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of
+from cogless.design.speed_loop import (
+    PHASE_MARGIN_LEAST,
+    CurrentLoop,
+    faster_loop,
+    observed,
+    speed_loop,
+)
+from cogless.study import Study
+from cogless.study.reading import Changes, Remark
+
+
+def margins_with_back_emf(study: Study, feedback: Linear) -> Margins:
+    """Margins of a feedback around the study's motor; without back-EMF where that is not modelled.
+
+    It is not behind an ideal current loop, nor with a soft shaft.
+    """
+    loop = speed_loop(study)
+    current = loop.current
+    if not isinstance(current, CurrentLoop) or loop.shaft is not None or not current.margins().stable:
+        return position_margins(loop, feedback)
+
+    def total(w: Real) -> Complex:
+        return open_loop(loop, feedback, w) + _back_emf(study, current, w)
+
+    def effective(w: Real) -> Complex:
+        return np.asarray(open_loop(loop, feedback, w) / (1 + _back_emf(study, current, w)))
+
+    if not margins_of(total, loop.period, feedback.integrators).stable:
+        return UNSTABLE
+    return margins_of(effective, loop.period, feedback.integrators)
+
+
+def _back_emf(study: Study, current: CurrentLoop, w: Real) -> Complex:
+    """E at w in rad/s."""
+    loop, drive, motor = speed_loop(study), study.drive, study.motor.star()
+    s = 1j * w
+    admittance = 1 / ((current.R + s * current.L) * (1 + current.response(w)))
+    left = np.full(np.shape(w), motor.pole_pairs * motor.psi_f, dtype=complex)
+    if drive.current_loop.decoupling:
+        believed = motor.pole_pairs * drive.belief.resolved(motor).psi_f
+        late = np.exp(-s * (current.period * (current.delay + 0.5) + loop.delay))
+        left -= believed * late * _measured(study, w)
+    return np.asarray(loop.b * admittance * left / s)
+
+
+def _measured(study: Study, w: Real) -> Complex:
+    """Response from the true to the measured speed, without the angle's age, at w in rad/s."""
+    loop = speed_loop(study)
+    T, s = loop.current.period, 1j * w
+    if loop.bandwidth:
+        speed = observed(w, loop.bandwidth, T) / s
+    elif loop.window:
+        speed = -np.expm1(-s * loop.window * T) / (s * loop.window * T)
+    else:
+        speed = np.ones(np.shape(w), dtype=complex)
+    if loop.held:
+        speed = speed * np.exp(-s * T * (loop.steps - 1) / 2)
+    return np.asarray(speed / (1 + s / loop.low_pass) if loop.low_pass else speed)
+
+
+def response_factors(study: Study, w: Real) -> Real:
+    """How many times as much the rotor answers a current with the back-EMF as without, at w in rad/s."""
+    loop = speed_loop(study)
+    if not isinstance(loop.current, CurrentLoop) or loop.shaft is not None:
+        return np.ones(np.shape(w))
+    return np.asarray(1 / np.abs(1 + _back_emf(study, loop.current, w)))
+
+
+def is_unstable_with_back_emf(study: Study, name: str) -> bool:
+    """Whether the back-EMF makes a controller's loop unstable that is stable without it."""
+    plain, left = _margins(study, name)
+    return plain >= 0 > left
+
+
+def back_emf_warning(study: Study, name: str) -> Remark | None:
+    """The warning of a controller whose loop has little margin left with the back-EMF."""
+    plain, left = _margins(study, name)
+    if plain < PHASE_MARGIN_LEAST or left >= PHASE_MARGIN_LEAST:
+        return None
+    margins = "is unstable" if left < 0 else f"has {math.degrees(left):.0f} deg of phase margin"
+    sentence = f"with the motor's back-EMF its loop {margins}, not {math.degrees(plain):.0f} deg"
+    if study.drive.current_loop.decoupling:
+        sentence += ", since the decoupling uses a speed that is late"
+
+    def cured(other: Study) -> bool:
+        return _margins(other, name)[1] >= PHASE_MARGIN_LEAST
+
+    cures = tuple(cure for tried in _ways(study) for cure in first(study, tried, cured))
+    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+
+
+def _margins(study: Study, name: str) -> tuple[float, float]:
+    """Phase margins, rad, of a controller's loop without and with the back-EMF; -1: it is unstable."""
+    feedback = feedback_of(study, name, 0.0)
+    if feedback is None:
+        return -1.0, -1.0
+    both = (position_margins(speed_loop(study), feedback), margins_with_back_emf(study, feedback))
+    plain, left = (-1.0 if math.isnan(at.phase_margin) else at.phase_margin for at in both)
+    return plain, left
+
+
+def _ways(study: Study) -> Iterator[list[Changes]]:
+    """Changes that leave less of the back-EMF, each kind from the least on."""
+    if study.drive.current_loop.decoupling:
+        yield [{"drive.current_loop.decoupling": False}]
+    yield from faster_loop(study)
