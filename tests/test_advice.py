@@ -79,6 +79,32 @@ current_loop = {{ bandwidth = "500 Hz", current_limit = "5 A" }}
 inverter = {{ bus_voltage = "24 V" }}
 position_sensor = {{ kind = "encoder", lines = 2500 }}
 {DRIVE}"""
+# A servo with few volts for its inductance, on a drive for large currents.
+NOISY_SERVO = """title = "A servo on a large drive"
+[motor]
+pole_pairs = 4
+slots = 12
+R_s = "15.4 ohm"
+L_d = "30 mH"
+L_q = "30 mH"
+K_t = "0.41 N*m/A"
+cogging = [ {order = 24, torque = "12.7 mN*m"} ]
+[mechanics]
+inertia = "2e-5 kg*m^2"
+[drive]
+rates = { current_loop = "30 kHz", speed_loop = "6 kHz" }
+current_loop = { bandwidth = "1200 Hz", current_limit = "1.5 A", decoupling = false }
+inverter = { bus_voltage = "44 V" }
+current_sensors = { noise = "60 mA" }
+position_sensor = { kind = "absolute", bits = 16, speed_method = "observer", observer_bandwidth = "300 Hz" }
+[scenario.slow]
+duration = "6 s"
+reference = "240 rpm"
+initial_speed = "240 rpm"
+[controller.harmonic]
+law = "harmonic"
+tuning = { rule = "auto" }
+"""
 SLOW_SKY = {"scenario.slow.reference": "0.1 rpm", "scenario.slow.duration": "40 s"}
 TABLE = """title = "A table"
 [motor]
@@ -358,6 +384,9 @@ CASES: dict[str, list[Case]] = {
     "design.turning.unstable_turning": [
         Case(MY_MOTOR, {**NONE, **FEW_SAMPLES, "scenario.slow.reference": "3600 rpm"},
              "samples in an electrical turn", left=0.5, cures=3),
+    ],
+    "design.current_needed.noisy_voltage": [
+        Case(NOISY_SERVO, {}, "to the limit of the voltage", "harmonic", left=0.5),
     ],
     "design.back_emf.back_emf_warning": [
         Case(STEP_MOTOR, {"controller.pi.tuning.phase_margin": "45 deg"}, "back-EMF its loop is unstable",

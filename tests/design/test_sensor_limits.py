@@ -17,12 +17,13 @@ from scipy.special import jv
 
 from cogless import run_study
 from cogless.design.answers import to_dict
+from cogless.design.current_needed import limited_share, noisy_voltage
 from cogless.design.design_table import design_table
 from cogless.design.law_rules import feedback_of
 from cogless.design.ripple import current_noise
 from cogless.design.sensor_limits import held_share, remaining, steps_density
 from cogless.design.speed_blocks import speed_blocks
-from cogless.design.speed_loop import gains, speed_loop
+from cogless.design.speed_loop import CurrentLoop, gains, speed_loop
 from cogless.design.summary import design
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
@@ -244,6 +245,27 @@ def test_noise_of_the_current_sensors_is_that_of_an_independent_plant(tmp_path: 
     assert feedback is not None
     variance = current_noise(study, loop, feedback)
     assert np.std(omegas[rows // 10 :]) == pytest.approx(math.sqrt(variance), rel=0.07)
+
+
+@pytest.mark.parametrize(("speed", "noise"), [(240, 0.06), (100, 0.08), (240, 0.04)])
+def test_share_of_limited_periods_is_that_of_drawn_voltages(
+    speed: float, noise: float, tmp_path: Path
+) -> None:
+    """kp times the measured noise, beside the back-EMF, in five current periods of the law's."""
+    _, draft = drafts.written(tmp_path, drafts.request("servo", "moteus", "as5048", speed=speed))
+    sensors = {"noise": f"{noise} A", "sensors": 3}
+    study = changed(draft, {"drive.current_sensors": sensors, "drive.inverter.bus_voltage": "44 V"})
+    loop, motor, (scenario,) = speed_loop(study).current, study.motor.star(), study.scenario
+    assert isinstance(loop, CurrentLoop)
+    phases = noise * np.random.default_rng(3).standard_normal((40_000, 5, 3))
+    alpha = phases @ np.array([2, -1, -1]) / 3
+    beta = phases @ np.array([0, 1, -1]) / math.sqrt(3)
+    emf = motor.pole_pairs * motor.psi_f * speed * math.pi / 30
+    voltages = np.hypot(loop.kp * alpha, loop.kp * beta + emf)
+    drawn = np.mean(np.any(voltages > 44 / math.sqrt(3), axis=1))
+    assert limited_share(study, scenario) == pytest.approx(drawn, rel=0.05, abs=0.003)
+    remark = noisy_voltage(study, scenario)
+    assert (remark is not None) is bool(drawn > 0.1)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import numpy as np
 from cogless import units
 from cogless.design.back_emf import is_unstable_with_back_emf, response_factors
 from cogless.design.changes import either, first
+from cogless.design.current_needed import noisy_voltage
 from cogless.design.gentler import other_law_rates
 from cogless.design.laws.harmonic import Certificate, certificate
 from cogless.design.laws.harmonic_transfer import BELIEF_FACTORS
@@ -145,15 +146,10 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         reach = _reach(study, certificate.fastest)
         settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
         at_speeds = remaining(study, name, certificate)
-        heavy = _heavier_than_certified(study, certificate)
-        if heavy:
-            return Answer(
-                "not sure",
-                f"not sure: {heavy}; a run tells. By small signals {settles}",
-                times,
-                lacks,
-                at_speeds,
-            )
+        doubt = _limited_voltage(study, name) or _heavier_than_certified(study, certificate)
+        if doubt:
+            words = f"not sure: {doubt}; a run tells. By small signals {settles}"
+            return Answer("not sure", words, times, lacks, at_speeds)
         cures = _quieter_rates(study, name, at_speeds)
         return Answer(*_beside_sensor(study, at_speeds, settles, cures), times, lacks, at_speeds, cures)
     bad = next(speed for speed in speeds if not speed.fine)
@@ -163,6 +159,12 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     if bad.gamma <= 0:
         return Answer("no", f"no, because at {at} not all orders need converge where the inertia is 50 % off")
     return Answer("no", f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
+
+
+def _limited_voltage(study: Study, name: str) -> str:
+    """Why nothing may be learned for noise that takes the voltage to its limit, as a clause; "" if it may."""
+    limited = ((scenario, noisy_voltage(study, scenario)) for scenario in study.scenarios_of(name))
+    return next((f"in {scenario} {remark}" for scenario, remark in limited if remark is not None), "")
 
 
 def _heavier_than_certified(study: Study, certificate: Certificate) -> str:

@@ -64,12 +64,12 @@ def _back_emf(study: Study, current: CurrentLoop, w: Real) -> Complex:
     loop, drive, motor = speed_loop(study), study.drive, study.motor.star()
     s = 1j * w
     admittance = 1 / ((current.R + s * current.L) * (1 + current.response(w)))
-    left = np.full(np.shape(w), motor.pole_pairs * motor.psi_f, dtype=complex)
+    emf = np.full(np.shape(w), motor.pole_pairs * motor.psi_f, dtype=complex)
     if drive.current_loop.decoupling:
         believed = motor.pole_pairs * drive.belief.resolved(motor).psi_f
         late = np.exp(-s * (current.period * (current.delay + 0.5) + loop.delay))
-        left -= believed * late * _measured(study, w)
-    return np.asarray(loop.b * admittance * left / s)
+        emf -= believed * late * _measured(study, w)
+    return np.asarray(loop.b * admittance * emf / s)
 
 
 def _measured(study: Study, w: Real) -> Complex:
@@ -97,16 +97,16 @@ def response_factors(study: Study, w: Real) -> Real:
 
 def is_unstable_with_back_emf(study: Study, name: str) -> bool:
     """Whether the back-EMF makes a controller's loop unstable that is stable without it."""
-    plain, left = _margins(study, name)
-    return plain >= 0 > left
+    plain, with_emf = _margins(study, name)
+    return plain >= 0 > with_emf
 
 
 def back_emf_warning(study: Study, name: str) -> Remark | None:
     """The warning of a controller whose loop has little margin left with the back-EMF."""
-    plain, left = _margins(study, name)
-    if plain < PHASE_MARGIN_LEAST or left >= PHASE_MARGIN_LEAST:
+    plain, with_emf = _margins(study, name)
+    if plain < PHASE_MARGIN_LEAST or with_emf >= PHASE_MARGIN_LEAST:
         return None
-    margins = "is unstable" if left < 0 else f"has {math.degrees(left):.0f} deg of phase margin"
+    margins = "is unstable" if with_emf < 0 else f"has {math.degrees(with_emf):.0f} deg of phase margin"
     sentence = f"with the motor's back-EMF its loop {margins}, not {math.degrees(plain):.0f} deg"
     if study.drive.current_loop.decoupling:
         sentence += ", since the decoupling uses a speed that is late"
@@ -123,9 +123,9 @@ def _margins(study: Study, name: str) -> tuple[float, float]:
     feedback = feedback_of(study, name, 0.0)
     if feedback is None:
         return -1.0, -1.0
-    both = (position_margins(speed_loop(study), feedback), margins_with_back_emf(study, feedback))
-    plain, left = (-1.0 if math.isnan(at.phase_margin) else at.phase_margin for at in both)
-    return plain, left
+    loops = (position_margins(speed_loop(study), feedback), margins_with_back_emf(study, feedback))
+    plain, with_emf = (-1.0 if math.isnan(loop.phase_margin) else loop.phase_margin for loop in loops)
+    return plain, with_emf
 
 
 def _ways(study: Study) -> Iterator[list[Changes]]:

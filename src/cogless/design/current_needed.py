@@ -6,6 +6,9 @@ below the mean, the rotor doesn't follow. If it is below the peak, ripple remain
 
 A rotor at rest needs the current of its breakaway friction and its cogging before it turns. A slow feedback
 takes its time to ask for it.
+
+The current controller also asks for a voltage where there is only noise: kp times that of the measured
+current. Where this reaches the limit of the voltage, no law learns.
 """
 
 from __future__ import annotations
@@ -16,8 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.changes import either, helping, unit_text
+from cogless.design.changes import either, first, helping, unit_text
 from cogless.design.closed_loop import Linear
+from cogless.design.ripple import measured_noise
+from cogless.design.speed_loop import slower_loop
 from cogless.study import Study, for_scenario
 from cogless.study.motion import course
 from cogless.study.reading import Changes, Remark
@@ -25,6 +30,8 @@ from cogless.study.reading import Changes, Remark
 D_POINTS = 20_001  # i_d for which the largest torque is computed
 WAVE_POINTS = 8  # angles in a wave of the highest order
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
+LIMITED_SHARE_MOST = 0.1  # largest share of the law's periods that is not warned of
+NOISE_DEVIATIONS, NOISE_POINTS = 5, 100  # standard deviations of a normal distribution, and points for them
 
 
 @dataclass(frozen=True)
@@ -121,3 +128,43 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
     more: Changes = {"drive.current_loop.current_limit": unit_text(CURRENT_RESERVE * needs.most, "A")}
     cures = helping(study, (more,), cured)
     return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+
+
+def noisy_voltage(study: Study, scenario: str) -> Remark | None:
+    """Warning of noise of the current sensors that takes the voltage to its limit: little is learned."""
+    share = limited_share(study, scenario)
+    if share <= LIMITED_SHARE_MOST:
+        return None
+    sentence = (
+        "noise of the current sensors takes the current controllers to the limit of the voltage in "
+        f"{share:.0%} of the law's periods, in which no law learns"
+    )
+
+    def cured(other: Study) -> bool:
+        return limited_share(other, scenario) <= LIMITED_SHARE_MOST
+
+    cures = first(study, slower_loop(study), cured)
+    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+
+
+def limited_share(study: Study, scenario: str) -> float:
+    """The share of the law's periods with a current period in which noise takes the voltage to its limit.
+
+    At the scenario's top speed. The noise of the voltage is normal in both axes.
+    """
+    of, top = for_scenario(study, scenario), study.scenario[scenario].top_reference
+    drive, motor = of.drive, of.motor.star()
+    if drive.ideal or drive.inverter is None:
+        return 0.0
+    gain = drive.current_loop.gains(drive.belief.resolved(study.motor.star()))["kp_q"]
+    deviation = gain * math.sqrt(measured_noise(of))
+    limit = drive.inverter.bus_voltage / (1 if motor.phases == 2 else math.sqrt(3))
+    emf = motor.pole_pairs * motor.psi_f * top
+    if not deviation:
+        return 0.0
+    along = np.linspace(-NOISE_DEVIATIONS, NOISE_DEVIATIONS, 2 * NOISE_POINTS + 1)
+    weight = np.exp(-(along**2) / 2)
+    across = np.sqrt(np.maximum(0.0, limit**2 - (emf + deviation * along) ** 2)) / deviation
+    inside = np.array([math.erf(x / math.sqrt(2)) for x in across])
+    within = float(np.sum(weight * inside) / np.sum(weight))
+    return float(1 - within**drive.rates.divider)

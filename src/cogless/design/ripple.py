@@ -167,19 +167,25 @@ def _axes(study: Study) -> tuple[Real, Real]:
 def current_noise(study: Study, plant: SpeedLoop, feedback: Linear) -> float:
     """Variance of the true speed, (rad/s)^2, that noise of the current sensors causes under a feedback.
 
-    The current loop follows the measured current, so this noise is a current that disturbs. Their converter's
-    steps count as white noise, too: of a step q, q^2 / 12.
+    The current loop follows the measured current, so this noise is a current that disturbs.
+    """
+    f = _frequencies(plant.period)
+    passed = np.abs(responses(plant, feedback, f)[0]) ** 2
+    # white up to half the current loop's rate, of which the law's band is one part in `steps`
+    return float(np.mean(passed)) * measured_noise(study) / plant.steps
+
+
+def measured_noise(study: Study) -> float:
+    """Variance of the measured i_q, A^2, by noise of the current sensors, as a mean over the angle.
+
+    Their converter's steps count as white noise, too: of a step q, q^2 / 12.
     """
     if study.drive.ideal:
         return 0.0
     sensors = study.drive.current_sensors
     step = 2 * sensors.range / 2**sensors.bits if sensors.bits else 0.0
     of_phase = sensors.noise**2 + step**2 / 12
-    of_i_q = of_phase * float(np.sum(_axes(study)[1] ** 2)) / 2  # A^2, the mean over the angle
-    f = _frequencies(plant.period)
-    passed = np.abs(responses(plant, feedback, f)[0]) ** 2
-    # white up to half the current loop's rate, of which the law's band is one part in `steps`
-    return float(np.mean(passed)) * of_i_q / plant.steps
+    return of_phase * float(np.sum(_axes(study)[1] ** 2)) / 2
 
 
 def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:
