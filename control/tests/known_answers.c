@@ -14,10 +14,13 @@
 #include "cogless/hall.h"
 #include "cogless/harmonic.h"
 #include "cogless/map.h"
+#include "cogless/quality.h"
 #include "cogless/sine.h"
 #include "cogless/space_position.h"
 #include "cogless/speed_pi.h"
 #include "cogless/speed_timed.h"
+#include "cogless/square_root.h"
+#include "cogless/trial.h"
 #include "cogless/trial_guard.h"
 #include "cogless/turns.h"
 
@@ -361,6 +364,51 @@ static void compare_after_five_trials_above(void)
     }
 }
 
+/* A best v of J = 1, then two trials of J = 1.2. That is too much only where u was at its limit, even in one sample before the last. */
+static void judge_at_the_limit(void)
+{
+    static cgl_real memory[CGL_TRIAL_LENGTH(4U, 0U)];
+    const cgl_real of_trial[] = {CGL_R(100.0), CGL_R(1.0), CGL_R(1.2), CGL_R(1.2)}, y_ref[4] = {CGL_R(0.0)};
+    const cgl_trial_config config = {.samples = 4U, .states = 1U, .k_1 = {CGL_R(1.0)}, .n = CGL_R(1.0), .c = {CGL_R(1.0)},
+                                     .k_3 = CGL_R(0.01), .shift = 1U, .limit = CGL_R(100.0), .learned_limit = CGL_R(1.0)};
+    for (int limited = 0; limited < 2; ++limited) {
+        cgl_trial law;
+        cgl_trial_output out;
+        cgl_trial_config bound = config;
+        bound.limit = limited > 0 ? CGL_R(0.9) : config.limit; /* below |K_1 x| in sample 1 of each trial */
+        CHECK(cgl_trial_init(&law, &bound, memory, CGL_ENTRIES(memory)) == CGL_OK);
+        for (uint32_t trial = 0; trial <= CGL_ENTRIES(of_trial); ++trial) {
+            cgl_trial_begin(&law, y_ref);
+            for (uint32_t p = 0; p < 4U; ++p) {
+                const bool big = p == 1U && trial < CGL_ENTRIES(of_trial);
+                const cgl_trial_input in = {.x = {big ? cgl_square_root(of_trial[trial]) : CGL_R(0.0)}, .learn = true};
+                cgl_trial_step(&law, &in, &out);
+                CHECK(((out.status & (unsigned)CGL_STATUS_GUARDED) != 0U) == (limited > 0 && trial == CGL_ENTRIES(of_trial)));
+            }
+            CHECK(cgl_trial_end(&law) && law.guard.returns == (limited > 0 && trial > 2U ? 1U : 0U));
+        }
+    }
+}
+
+/* Two windows with a run of errors of 8: the next one may learn from errors of up to 16, however many, and from none beyond. */
+static void learn_from_a_lasting_error(void)
+{
+    const cgl_quality_config config = {.span = CGL_R(1.0e6), .longest = CGL_R(64.0), .outlier = CGL_R(3.0)};
+    for (int beyond = 0; beyond < 2; ++beyond) {
+        const cgl_real lasting = beyond > 0 ? CGL_R(16.001) : CGL_R(16.0);
+        cgl_quality quality;
+        CHECK(cgl_quality_init(&quality, &config, CGL_R(1.0)) == CGL_OK);
+        for (uint32_t n = 0; n < 4U * 64U; ++n) {
+            const bool runs = n >= 64U && n % 64U >= 16U && n % 64U < 24U;
+            const cgl_real run = n < 3U * 64U ? CGL_R(8.0) : lasting;
+            const bool outlier = cgl_quality_step(&quality, runs ? run : (n % 2U ? CGL_R(1.0) : CGL_R(-1.0)), CGL_R(0.0), true);
+            /* after the fourth of a run, 4 samples, a sixteenth of a window, pass in which nothing is learned */
+            const bool waits = n >= 64U && n % 64U >= 24U && n % 64U < 27U;
+            CHECK(outlier == ((runs || waits) && (n < 3U * 64U || beyond > 0)));
+        }
+    }
+}
+
 /* Each bound of the calibrations alone, and what lies on it. */
 static void bound_calibrations(void)
 {
@@ -463,6 +511,8 @@ void known_answers(void)
     hand_over_a_speed();
     hold_the_best_trial();
     compare_after_five_trials_above();
+    judge_at_the_limit();
+    learn_from_a_lasting_error();
     bound_calibrations();
     leave_torque_mode();
     feed_forward();
