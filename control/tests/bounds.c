@@ -245,6 +245,14 @@ static void drives(void)
     TAKES(dead_time, dead_time, band, TINY);
     REFUSES(dead_time, dead_time, band, CGL_R(0.125) * TINY);
     PHASES(dead_time, dead_time, phases);
+    for (int n = 0; n < 2; ++n) { /* sums and products with the period that are numbers, and that are not */
+        const cgl_real ts = n > 0 ? CGL_REAL_MAX : CGL_R(2.0);
+        const cgl_dead_time_config lagging = {.band = CGL_R(0.1), .lag = CGL_REAL_MAX};
+        const cgl_dead_time_config ahead = {.band = CGL_R(0.1), .advance = n > 0 ? CGL_R(1.5) : CGL_R(0.49) * CGL_REAL_MAX};
+        cgl_dead_time any;
+        CHECK(cgl_dead_time_init(&any, &lagging, ts) == (n > 0 ? CGL_ERROR_CONFIG : CGL_OK));
+        CHECK(cgl_dead_time_init(&any, &ahead, ts) == (n > 0 ? CGL_ERROR_CONFIG : CGL_OK));
+    }
 
     const cgl_monitor_config monitor = {.phases = 0U};
     AT_MOST(monitor, monitor, speed_window, CGL_R(1.0e9) * TS);
@@ -328,6 +336,9 @@ static void sensors(void)
     const cgl_hall_config hall = {.pole_pairs = 2U, .edges = 6U, .timer = CGL_R(1.0e6)};
     WHOLE(hall, hall, pole_pairs, 1U, 10000U);
     WHOLE(hall, hall, edges, 1U, (uint32_t)CGL_HALL_EDGES);
+    const cgl_real fastest = CGL_REAL_MAX / CGL_TWO_PI; /* [turns/s] */
+    TAKES(hall, hall, timer, LESS * CGL_R(0.75) * fastest); /* a twelfth of a turn in a tick, times 16 */
+    REFUSES(hall, hall, timer, MORE * CGL_R(0.75) * fastest);
 
     const cgl_angle_observer_config observer = {CGL_R(10.0)};
     AT_MOST(angle_observer, observer, bandwidth, CGL_R(2.0) / TS);
@@ -361,7 +372,14 @@ static void sensors(void)
     TAKES(speed_timed, timed, counts, UINT32_MAX);
     REFUSES(speed_timed, timed, counts, 0U);
     REFUSES(speed_timed, timed, timer, CGL_R(0.0));
-    REFUSES(speed_timed, timed, timer, CGL_REAL_MAX);
+    TAKES(speed_timed, timed, timer, LESS * fastest * CGL_R(0.0000019073486328125)); /* 2^31 edges in a tick, 2^19 turns */
+    REFUSES(speed_timed, timed, timer, MORE * fastest * CGL_R(0.0000019073486328125));
+    for (int n = 0; n < 2; ++n) { /* 2^31 counts in a period, 2^19 turns */
+        static uint32_t one[1];
+        const cgl_real ts = (n > 0 ? LESS : MORE) * CGL_R(524288.0) / fastest;
+        cgl_speed_count speed;
+        CHECK(cgl_speed_count_init(&speed, &counted, ts, one, 1U) == (n > 0 ? CGL_ERROR_CONFIG : CGL_OK));
+    }
 
     cgl_microstepping_config steps = {.teeth = 50U, .current = CGL_R(1.0)};
     steps.forward[0].magnitude = steps.backward[0].magnitude = CGL_R(0.0000076293945); /* 2^-17: half the slope at 65536 */
@@ -422,6 +440,10 @@ static void trials(void)
     REFUSES(trial, trial, observer.response, CGL_R(-0.1));
     REFUSES(trial, trial, observer.response, CGL_R(0.125) * TINY);
     REFUSES(trial, trial, k_2, CGL_R(0.1));
+    TAKES(trial, trial, observer.response, CGL_REAL_MAX); /* times the limit of 1 */
+    cgl_trial_config wider = trial;
+    wider.limit = CGL_R(2.0);
+    REFUSES(trial, wider, observer.response, CGL_R(0.501) * CGL_REAL_MAX);
     WHOLE(trial, trial, shift, 2U, 2U);
 
     const cgl_feedforward_config feedforward = {.numerator = 1U, .denominator = 1U, .num = {CGL_R(1.0)}, .den = {CGL_R(1.0)}};

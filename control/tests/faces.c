@@ -7,15 +7,19 @@
 #include "check.h"
 #include "cogless/adrc.h"
 #include "cogless/anti_cogging.h"
+#include "cogless/calibration.h"
+#include "cogless/current_reference.h"
 #include "cogless/drive.h"
 #include "cogless/harmonic.h"
 #include "cogless/pi_afc.h"
 #include "cogless/map.h"
+#include "cogless/microstepping.h"
 #include "cogless/pi_ilc.h"
 #include "cogless/robust_ilc.h"
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"
 #include "cogless/speed_pi.h"
+#include "cogless/square_root.h"
 #include "cogless/trial.h"
 
 #ifdef COGLESS_NO_TEXTS
@@ -75,6 +79,11 @@ static void unmade_states(void)
     CHECK_UNMADE(harmonic, cgl_harmonic);
     CHECK_UNMADE(space_position, cgl_space_position);
     CHECK_UNMADE(space_speed, cgl_space_speed);
+    static cgl_microstepping motor;
+    cgl_microstepping_output out = {CGL_R(9.0), CGL_R(9.0), 0U};
+    cgl_microstepping_step(&motor, CGL_R(1.0), CGL_R(1.0), &out);
+    CHECK(within(out.i_a, CGL_R(0.0)) && within(out.i_b, CGL_R(0.0)));
+    CHECK(out.status == ((unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_OFF));
 }
 
 static void unmade_drive(void)
@@ -435,6 +444,35 @@ static void defaults(void)
     CHECK(drive.loop.guarded && !drive.loop.feed_forward);
 }
 
+/* The values that stand for a 0 in the configs of the parts. */
+static void defaults_of_parts(void)
+{
+    const cgl_real ts = CGL_R(1.0e-4);
+    const cgl_align_config of_align = {.pole_pairs = 4U, .current = CGL_R(1.0), .ramp = CGL_R(0.1), .speed = CGL_R(1.0), .settle = CGL_R(0.1)};
+    cgl_align align;
+    CHECK(cgl_align_init(&align, &of_align, ts) == CGL_OK);
+    CHECK(within(align.config.sweep - CGL_R(0.5) * CGL_PI, CGL_R(0.0)) && within(align.config.tolerance - CGL_R(0.25), CGL_R(0.0)));
+    const cgl_quality_config of_quality = {.span = CGL_R(0.0)};
+    cgl_quality quality;
+    CHECK(cgl_quality_init(&quality, &of_quality, CGL_R(0.5)) == CGL_OK);
+    CHECK(within(quality.config.span - CGL_TWO_PI, CGL_R(0.0)) && quality.longest == 120U); /* a minute */
+    cgl_drive drive;
+    const cgl_drive_config of_drive = some_drive();
+    const cgl_current_reference_config of_currents = {.psi_f = CGL_R(0.01)};
+    cgl_current_reference currents;
+    CHECK(cgl_drive_init(&drive, &of_drive, ts) == CGL_OK && cgl_current_reference_init(&currents, &of_currents, &drive) == CGL_OK);
+    CHECK(within(currents.share * cgl_square_root(CGL_R(3.0)) - CGL_R(0.95), CGL_R(1.0e-6))); /* of u_dc / sqrt 3 */
+    const cgl_microstepping_config of_motor = {.teeth = 50U, .current = CGL_R(1.0)};
+    cgl_microstepping motor;
+    CHECK(cgl_microstepping_init(&motor, &of_motor) == CGL_OK && motor.microstep == 0x40000000U / 256U);
+    const cgl_memory_config of_line = {.kind = CGL_MEMORY_DELAY, .cells = 64U, .limit = {CGL_R(1.0)}};
+    static cgl_real line[CGL_MEMORY_LENGTH(CGL_MEMORY_DELAY, 1U, 64U, 0U)];
+    cgl_memory memory;
+    CHECK(cgl_memory_init(&memory, &of_line, ts, 1U, line, CGL_ENTRIES(line)) == CGL_OK);
+    CHECK(within(memory.config.k_pp - CGL_R(10.0), CGL_R(0.0)) && within(memory.config.forgetting - CGL_R(1.0), CGL_R(0.0)));
+    CHECK(memory.config.channels == 1U && memory.config.turns == 1U && memory.config.parts == 1U);
+}
+
 void faces(void)
 {
     another_limit();
@@ -453,4 +491,5 @@ void faces(void)
     references_of_torque_mode();
     first_input_after_a_reset();
     defaults();
+    defaults_of_parts();
 }

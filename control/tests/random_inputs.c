@@ -110,11 +110,6 @@ static cgl_real fresh_cells[ROWS_MAX];
     } while (false)
 
 /* A state that is reset is in every byte what init makes of the same config and memory. Both are static, so that their padding is 0. */
-static void check_bytes(const void *one, const void *other, size_t first, size_t end)
-{
-    CHECK(memcmp((const char *)one + first, (const char *)other + first, end - first) == 0);
-}
-
 #define CHECK_ANEW(name, state, ...)                                                                                   \
     do {                                                                                                               \
         static cgl_##name fresh;                                                                                       \
