@@ -86,6 +86,28 @@ static void unmade_states(void)
     CHECK(out.status == ((unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_OFF));
 }
 
+/* Parts of a drive that were initialised, and then refused. */
+static void refused_parts(void)
+{
+    cgl_drive drive;
+    cgl_drive_config config = some_drive();
+    const cgl_measurement now = {.u_dc = CGL_R(24.0)};
+    const cgl_reference reference = {.omega_ref = CGL_R(10.0)};
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK && cgl_drive_measure(&drive, &now, &reference));
+    config.divider = 0U;
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_ERROR_CONFIG && !cgl_drive_measure(&drive, &now, &reference));
+    cgl_microstepping motor;
+    cgl_microstepping_config steps = {.teeth = 50U, .current = CGL_R(1.0)};
+    cgl_microstepping_output out;
+    CHECK(cgl_microstepping_init(&motor, &steps) == CGL_OK);
+    cgl_microstepping_step(&motor, CGL_R(0.0), CGL_R(1.0), &out);
+    CHECK(within(out.i_a - CGL_R(1.0), CGL_R(1.0e-3)) && out.status == 0U);
+    steps.teeth = 0U;
+    CHECK(cgl_microstepping_init(&motor, &steps) == CGL_ERROR_CONFIG);
+    cgl_microstepping_step(&motor, CGL_R(0.0), CGL_R(1.0), &out);
+    CHECK(within(out.i_a, CGL_R(0.0)) && (out.status & (unsigned)CGL_STATUS_OFF) != 0U);
+}
+
 static void unmade_drive(void)
 {
     static cgl_drive drive;
@@ -319,14 +341,19 @@ static void gains_of_nothing(void)
         CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), (text)));                                                \
     } while (false)
 
-/* Memory of another length than the config needs is refused by the law's own init, which then does not step. */
-#define CHECK_LENGTH(name, config, length)                                                                             \
+/* A law that was initialised, and then refused for its limit, does not step. */
+#define CHECK_REFUSED(name, step, config, bound, ...)                                                                  \
     do {                                                                                                               \
-        static cgl_real cells[256];                                                                                    \
         static cgl_##name law;                                                                                         \
-        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, cells, (length)) == CGL_OK);                           \
-        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, cells, (length) - 1U) == CGL_ERROR_MEMORY);            \
-        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, NULL, (length)) == CGL_ERROR_MEMORY);                  \
+        cgl_##name##_config other = (config);                                                                          \
+        cgl_law_output out;                                                                                            \
+        CHECK(cgl_##name##_init(&law, &other, __VA_ARGS__) == CGL_OK);                                                 \
+        cgl_##step##_step(&law, &turning, &out);                                                                       \
+        CHECK((out.status & (unsigned)CGL_STATUS_OFF) == 0U);                                                          \
+        other.bound = CGL_R(0.0);                                                                                      \
+        CHECK(cgl_##name##_init(&law, &other, __VA_ARGS__) == CGL_ERROR_CONFIG);                                       \
+        cgl_##step##_step(&law, &turning, &out);                                                                       \
+        check_refused(&out);                                                                                           \
     } while (false)
 
 static void opening_checks(void)
@@ -351,9 +378,16 @@ static void opening_checks(void)
     CHECK_OPENING(robust_ilc, robust, limit, "robust_ilc.limit", true);
     CHECK_OPENING(space_speed, speed, limit, "space_speed.limit", true);
     CHECK_OPENING(space_position, position, limit, "space_position.limit", true);
-    CHECK_LENGTH(robust_ilc, robust, CGL_MEMORY_ROW(64U, 0U));
-    CHECK_LENGTH(space_speed, speed, CGL_MEMORY_ROW(64U, 0U));
-    CHECK_LENGTH(space_position, position, CGL_MEMORY_ROW(64U, 0U));
+    static cgl_real cells[128];
+    CHECK_REFUSED(pi, speed_pi, pi, limit, &guarded_loop);
+    CHECK_REFUSED(adrc, adrc, adrc, limit, &guarded_loop);
+    CHECK_REFUSED(pi_ilc, pi_ilc, ilc, pi.limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 2U));
+    CHECK_REFUSED(robust_ilc, robust_ilc, robust, limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_REFUSED(space_speed, space_speed, speed, limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_REFUSED(space_position, space_position, position, limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_REFUSED(anti_cogging, anti_cogging, cogging, pi.limit, &guarded_loop, cells, 4U);
+    CHECK_REFUSED(pi_afc, pi_afc, afc, limit, &guarded_loop, cells, CGL_PI_AFC_LENGTH(1U));
+    CHECK_REFUSED(harmonic, harmonic, harmonic, limit, &guarded_loop, cells, CGL_HARMONIC_LENGTH(3U));
 }
 
 /* Laws whose learning needs a feedback of their own say so. */
@@ -482,6 +516,7 @@ void faces(void)
     matrix_of_a_trial();
     unmade_states();
     unmade_drive();
+    refused_parts();
     refused_again();
     names_of_the_drive();
     names_of_a_law();

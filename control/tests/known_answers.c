@@ -14,6 +14,7 @@
 #include "cogless/hall.h"
 #include "cogless/harmonic.h"
 #include "cogless/map.h"
+#include "cogless/monitor.h"
 #include "cogless/quality.h"
 #include "cogless/sine.h"
 #include "cogless/space_position.h"
@@ -409,6 +410,56 @@ static void learn_from_a_lasting_error(void)
     }
 }
 
+/* A period in which one measurement is at its bound is trusted; one beyond it is not, and says which. The short way of a step and the
+ * long way agree. */
+static void measure_at_the_bounds(void)
+{
+    const cgl_real ts = CGL_R(0.0009765625), travel = CGL_R(0.03125); /* powers of two, so that the bounds are exact */
+    cgl_monitor_config config = {.omega_max = CGL_R(16.0), .angle_step = CGL_R(0.015625), .current_max = CGL_R(4.0),
+                                 .current_sum = CGL_R(0.5), .phases = 3U};
+    const cgl_measurement usual = {.theta_m = CGL_R(1.0), .omega_m = CGL_R(1.0), .u_dc = CGL_R(24.0)};
+    static const struct {
+        cgl_real i_abc[3], moved, omega_m;
+        uint32_t phases;
+        unsigned beyond; /* the status when they are by a thousandth more */
+    } cases[] = {{{CGL_R(0.0)}, CGL_R(1.0), CGL_R(1.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(0.0)}, CGL_R(-1.0), CGL_R(1.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(0.0)}, CGL_R(0.0), CGL_R(16.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(0.0)}, CGL_R(0.0), CGL_R(-16.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(4.0), CGL_R(-2.0), CGL_R(-2.0)}, CGL_R(0.0), CGL_R(1.0), 3U, CGL_STATUS_CURRENT},
+                 {{CGL_R(1.0), CGL_R(-0.25), CGL_R(-0.25)}, CGL_R(0.0), CGL_R(1.0), 3U, CGL_STATUS_CURRENT},
+                 {{CGL_R(-1.0), CGL_R(0.25), CGL_R(0.25)}, CGL_R(0.0), CGL_R(1.0), 3U, CGL_STATUS_CURRENT},
+                 {{CGL_R(0.0), CGL_R(4.0), CGL_R(9.0)}, CGL_R(0.0), CGL_R(1.0), 2U, CGL_STATUS_CURRENT}};
+    for (uint32_t n = 0; n < 4U * CGL_ENTRIES(cases); ++n) {
+        const cgl_real by = n % 2U > 0U ? CGL_R(1.001) : CGL_R(1.0);
+        const uint32_t k = n / 4U;
+        cgl_measurement now = usual;
+        cgl_monitor monitor;
+        config.phases = cases[k].phases;
+        CHECK(cgl_monitor_init(&monitor, &config, ts) == CGL_OK);
+        for (int step = 0; step < 3; ++step) {
+            cgl_monitor_step(&monitor, &now, CGL_R(0.0), false);
+        }
+        CHECK(monitor.trusted && monitor.status == 0U);
+        for (int x = 0; x < 3; ++x) {
+            now.i_abc[x] = by * cases[k].i_abc[x];
+        }
+        now.theta_m += by * travel * cases[k].moved;
+        now.omega_m = (cgl_abs(cases[k].omega_m) > CGL_R(1.0) ? by : CGL_R(1.0)) * cases[k].omega_m;
+        (n % 4U < 2U ? cgl_monitor_step : cgl_monitor_look)(&monitor, &now, CGL_R(0.0), false);
+        CHECK(monitor.trusted == (n % 2U == 0U));
+        CHECK((monitor.status & ~(unsigned)CGL_STATUS_FAULT) == (n % 2U > 0U ? cases[k].beyond : 0U));
+    }
+    cgl_monitor monitor; /* no bus */
+    cgl_measurement dead = usual;
+    dead.u_dc = CGL_R(0.0);
+    CHECK(cgl_monitor_init(&monitor, &config, ts) == CGL_OK);
+    cgl_monitor_step(&monitor, &usual, CGL_R(0.0), false);
+    cgl_monitor_step(&monitor, &usual, CGL_R(0.0), false);
+    cgl_monitor_step(&monitor, &dead, CGL_R(0.0), false);
+    CHECK(monitor.safe && monitor.status == ((unsigned)CGL_STATUS_BUS | (unsigned)CGL_STATUS_FAULT));
+}
+
 /* Each bound of the calibrations alone, and what lies on it. */
 static void bound_calibrations(void)
 {
@@ -511,6 +562,7 @@ void known_answers(void)
     hand_over_a_speed();
     hold_the_best_trial();
     compare_after_five_trials_above();
+    measure_at_the_bounds();
     judge_at_the_limit();
     learn_from_a_lasting_error();
     bound_calibrations();
