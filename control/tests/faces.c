@@ -341,6 +341,18 @@ static void gains_of_nothing(void)
         CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), (text)));                                                \
     } while (false)
 
+/* What a law's part refuses, the law names and its retune refuses too. */
+#define CHECK_PART(name, config, field, value, text, ...)                                                              \
+    do {                                                                                                               \
+        static cgl_##name law;                                                                                         \
+        cgl_##name##_config other = (config);                                                                          \
+        CHECK(cgl_##name##_init(&law, &other, &guarded_loop, __VA_ARGS__) == CGL_OK);                                  \
+        CHECK(cgl_##name##_retune(&law, &other) == CGL_OK);                                                            \
+        other.field = (value);                                                                                         \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &guarded_loop), (text)));                                        \
+        CHECK(cgl_##name##_retune(&law, &other) == CGL_ERROR_CONFIG);                                                  \
+    } while (false)
+
 /* A law that was initialised, and then refused for its limit, does not step. */
 #define CHECK_REFUSED(name, step, config, bound, ...)                                                                  \
     do {                                                                                                               \
@@ -379,6 +391,14 @@ static void opening_checks(void)
     CHECK_OPENING(space_speed, speed, limit, "space_speed.limit", true);
     CHECK_OPENING(space_position, position, limit, "space_position.limit", true);
     static cgl_real cells[128];
+    CHECK_PART(pi_ilc, ilc, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 2U));
+    CHECK_PART(robust_ilc, robust, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_PART(space_speed, speed, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_PART(space_position, position, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_PART(pi_ilc, ilc, pi.ki, CGL_R(-1.0), "pi.ki", cells, CGL_MEMORY_ROW(64U, 2U));
+    CHECK_PART(anti_cogging, cogging, pi.ki, CGL_R(-1.0), "pi.ki", cells, 4U);
+    CHECK_PART(pi_afc, afc, pi.ki, CGL_R(-1.0), "pi.ki", cells, CGL_PI_AFC_LENGTH(1U));
+    CHECK_PART(harmonic, harmonic, pi.ki, CGL_R(-1.0), "pi.ki", cells, CGL_HARMONIC_LENGTH(3U));
     CHECK_REFUSED(pi, speed_pi, pi, limit, &guarded_loop);
     CHECK_REFUSED(adrc, adrc, adrc, limit, &guarded_loop);
     CHECK_REFUSED(pi_ilc, pi_ilc, ilc, pi.limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 2U));
