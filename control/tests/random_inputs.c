@@ -109,14 +109,18 @@ static cgl_real fresh_cells[ROWS_MAX];
         }                                                                                                              \
     } while (false)
 
-/* A state that is reset is in every byte what init makes of the same config and memory. Both are static, so that their padding is 0. */
+/* A state that is reset, and one that is initialised again, is in every byte what init makes of the same config and memory. All are
+ * static, so that their padding is 0. */
 #define CHECK_ANEW(name, state, ...)                                                                                   \
     do {                                                                                                               \
-        static cgl_##name fresh;                                                                                       \
+        static cgl_##name fresh, again;                                                                                \
+        memcpy(&again, (state), sizeof again);                                                                         \
         cgl_##name##_reset(state);                                                                                     \
         memcpy(fresh_cells, fenced + GUARD, sizeof fresh_cells);                                                       \
         CHECK(cgl_##name##_init(&fresh, __VA_ARGS__) == CGL_OK);                                                       \
+        CHECK(cgl_##name##_init(&again, __VA_ARGS__) == CGL_OK);                                                       \
         check_bytes((state), &fresh, 0U, sizeof fresh);                                                                \
+        check_bytes(&again, &fresh, 0U, sizeof fresh);                                                                 \
         check_bytes(fresh_cells, fenced + GUARD, 0U, sizeof fresh_cells);                                              \
     } while (false)
 
@@ -647,10 +651,13 @@ static void try_anti_cogging(void)
     check_cells(config.cells, config.pi.limit);
     check_fence(config.cells);
     hear_all(law.table, config.cells);
-    static cgl_anti_cogging fresh;
+    static cgl_anti_cogging fresh, again;
+    memcpy(&again, &law, sizeof again);
     cgl_anti_cogging_reset(&law); /* what a calibration that has ended says stays */
     CHECK(cgl_anti_cogging_init(&fresh, &config, any_loop(ts), fenced + GUARD, config.cells) == CGL_OK);
-    CHECK(within(fresh.friction, CGL_R(0.0)));
+    CHECK(cgl_anti_cogging_init(&again, &config, any_loop(ts), fenced + GUARD, config.cells) == CGL_OK);
+    check_bytes(&again, &fresh, 0U, sizeof fresh);
+    check_cells(config.cells, CGL_R(0.0));
     fresh.friction = law.friction;
     check_bytes(&law, &fresh, 0U, sizeof fresh);
 }
@@ -1133,12 +1140,17 @@ static void try_trial(void)
         }
         check_fence(length);
     }
-    static cgl_trial fresh;
+    static cgl_trial fresh, again;
+    memcpy(&again, &law, sizeof again);
     cgl_trial_reset(&law);
     check_cells(config.samples, CGL_R(0.0));
     CHECK(cgl_trial_init(&fresh, &config, fenced + GUARD, length) == CGL_OK);
-    check_bytes(&law, &fresh, 0U, offsetof(cgl_trial, guard.limited) + 1U);
-    check_bytes(&law, &fresh, offsetof(cgl_trial, v), sizeof fresh);
+    CHECK(cgl_trial_init(&again, &config, fenced + GUARD, length) == CGL_OK);
+    for (int n = 0; n < 2; ++n) {
+        const cgl_trial *const one = n > 0 ? &again : &law;
+        check_bytes(one, &fresh, 0U, offsetof(cgl_trial, guard.limited) + 1U);
+        check_bytes(one, &fresh, offsetof(cgl_trial, v), sizeof fresh);
+    }
 }
 
 /* What was learned for one reference, moved to another. */
