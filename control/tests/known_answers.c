@@ -535,9 +535,11 @@ static void feed_forward(void)
     const cgl_feedforward_config config = {.numerator = 2U, .denominator = 3U, .preview = 1U, .num = {CGL_R(1.0), CGL_R(0.5)},
                                            .den = {CGL_R(1.0), CGL_R(-0.5), CGL_R(0.25)}};
     const cgl_real y[4] = {CGL_R(1.0), CGL_R(2.0), CGL_R(-1.0), CGL_R(4.0)}, gain = CGL_R(1.5) / CGL_R(0.75);
+    const cgl_real nothing[4] = {CGL_R(0.0)};
     cgl_real before = gain * y[0], before_that = before;
     cgl_feedforward feedforward;
     CHECK(cgl_feedforward_init(&config, &feedforward) == CGL_OK);
+    CHECK(within(cgl_feedforward_step(&config, &feedforward, nothing, 4U, 0U), CGL_R(0.0)));
     cgl_feedforward_reset(&config, &feedforward, y[0]);
     for (uint32_t p = 0; p < 12U; ++p) {
         const cgl_real now = y[p < 3U ? p : 3U], next = y[p + 1U < 3U ? p + 1U : 3U];

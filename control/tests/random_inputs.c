@@ -124,6 +124,17 @@ static cgl_real fresh_cells[ROWS_MAX];
         check_bytes(fresh_cells, fenced + GUARD, 0U, sizeof fresh_cells);                                              \
     } while (false)
 
+/* What has not begun is 0 (false, nothing): the fields of a state from one to another. */
+static void check_zeros(const void *state, size_t first, size_t end)
+{
+    for (size_t n = first; n < end; ++n) {
+        CHECK(((const char *)state)[n] == 0);
+    }
+}
+
+#define CHECK_ZEROS(name, state, first, last)                                                                          \
+    check_zeros((state), offsetof(cgl_##name, first), offsetof(cgl_##name, last) + sizeof (state)->last)
+
 /* A law that is retuned keeps the gentler step that the guard asks for. */
 #define CHECK_GENTLE(name, law, config)                                                                                \
     do {                                                                                                               \
@@ -404,6 +415,7 @@ static void try_foc(void)
         }
     }
     CHECK_ANEW(foc, &foc, &config, ts);
+    CHECK_ZEROS(foc, &foc, integral_d, lost_q);
 }
 
 static void try_pi(void)
@@ -436,6 +448,8 @@ static void try_pi(void)
         }
     }
     CHECK_ANEW(pi, &pi, &config, any_loop(ts));
+    CHECK(!pi.saturated);
+    CHECK_ZEROS(pi, &pi, integral, proportional);
 }
 
 /* Another config for a state that has this one: mostly of the same sizes, which retune wants. */
@@ -503,6 +517,11 @@ static void try_memory(void)
     hear(cgl_memory_fastest(&memory));
     const cgl_memory_config now = memory.config;
     CHECK_ANEW(memory, &memory, &now, ts, ratio, fenced + GUARD, length);
+    CHECK(!memory.learning && !memory.map.started && !memory.map.follows && !memory.map.lagging && !memory.map.backward);
+    for (const cgl_channel *channel = memory.channel; channel < memory.channel + CGL_CHANNELS; ++channel) {
+        CHECK(within(channel->value, CGL_R(0.0)));
+        check_zeros(channel, offsetof(cgl_channel, sum), sizeof *channel);
+    }
 }
 
 static void try_pi_ilc(void)
@@ -549,6 +568,7 @@ static void try_pi_ilc(void)
     CHECK_GENTLE(pi_ilc, &law, &config);
     CHECK_RESET(pi_ilc, &law, &config, any_loop(ts), fresh_cells, length);
     CHECK_ANEW(pi_ilc, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(within(law.learned, CGL_R(0.0)) && law.gentle == 0U);
 }
 
 static void try_robust_ilc(void)
@@ -608,6 +628,8 @@ static void try_robust_ilc(void)
     CHECK_GENTLE(robust_ilc, &law, &config);
     CHECK_RESET(robust_ilc, &law, &config, any_loop(ts), fresh_cells, length);
     CHECK_ANEW(robust_ilc, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(!law.started && !law.saturated && law.gentle == 0U);
+    CHECK_ZEROS(robust_ilc, &law, error_integral, terms);
 }
 
 static void try_anti_cogging(void)
@@ -660,6 +682,9 @@ static void try_anti_cogging(void)
     check_cells(config.cells, CGL_R(0.0));
     fresh.friction = law.friction;
     check_bytes(&law, &fresh, 0U, sizeof fresh);
+    CHECK(law.stage == CGL_ANTI_COGGING_RUN);
+    CHECK_ZEROS(anti_cogging, &law, looked_up, looked_up);
+    CHECK_ZEROS(anti_cogging, &law, place, started);
 }
 
 static cgl_pi_afc_config random_pi_afc(void)
@@ -726,6 +751,7 @@ static void try_pi_afc(void)
     check_fence(length);
     CHECK_RESET(pi_afc, &law, &config, any_loop(ts), fresh_cells, length);
     CHECK_ANEW(pi_afc, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK_ZEROS(pi_afc, &law, learned, learning);
 }
 
 static cgl_harmonic_config random_harmonic(void)
@@ -804,6 +830,11 @@ static void try_harmonic(void)
     check_fence(length);
     CHECK_RESET(harmonic, &law, &config, any_loop(ts), fresh_cells, length);
     CHECK_ANEW(harmonic, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK_ZEROS(harmonic, &law, pending, theta_sensor);
+    CHECK_ZEROS(harmonic, &law, since_edge, drift);
+    CHECK_ZEROS(harmonic, &law, last_load, bend);
+    CHECK_ZEROS(harmonic, &law, next_gain, low);
+    CHECK_ZEROS(harmonic, &law, follows, learned);
 }
 
 /* ---- learning in space ---- */
@@ -869,6 +900,8 @@ static void try_space_position(void)
     CHECK_GENTLE(space_position, &law, &config);
     CHECK_RESET(space_position, &law, &config, any_loop(ts), fresh_cells, length);
     CHECK_ANEW(space_position, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(!law.saturated && law.gentle == 0U);
+    CHECK_ZEROS(space_position, &law, learning_samples, terms);
 }
 
 static void try_space_speed(void)
@@ -923,6 +956,8 @@ static void try_space_speed(void)
     CHECK_GENTLE(space_speed, &law, &config);
     CHECK_RESET(space_speed, &law, &config, any_loop(ts), fresh_cells, length);
     CHECK_ANEW(space_speed, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(!law.saturated && law.gentle == 0U);
+    CHECK_ZEROS(space_speed, &law, terms, terms);
 }
 
 /* ---- learning from trial to trial ---- */
@@ -1151,6 +1186,11 @@ static void try_trial(void)
         check_bytes(one, &fresh, 0U, offsetof(cgl_trial, guard.limited) + 1U);
         check_bytes(one, &fresh, offsetof(cgl_trial, v), sizeof fresh);
     }
+    CHECK(law.y_ref == NULL && !law.spoilt);
+    CHECK_ZEROS(trial, &law, psi, psi);
+    CHECK_ZEROS(trial, &law, v, theta);
+    CHECK_ZEROS(trial, &law, sample, sample);
+    CHECK_ZEROS(trial, &law, terms, terms);
 }
 
 /* What was learned for one reference, moved to another. */
@@ -1298,6 +1338,8 @@ static void try_monitor(void)
         }
     }
     CHECK_ANEW(monitor, &monitor, &config, ts);
+    CHECK(monitor.safe);
+    CHECK_ZEROS(monitor, &monitor, trusted, ref_turned);
 }
 
 static void check_quality(const cgl_quality *quality)
@@ -1346,6 +1388,10 @@ static void try_quality(void)
         }
     }
     CHECK_ANEW(quality, &quality, &config, ts);
+    CHECK_ZEROS(quality, &quality, run_positive, run_remaining);
+    CHECK_ZEROS(quality, &quality, missing, last_peak_square);
+    CHECK_ZEROS(quality, &quality, turned, turned);
+    CHECK_ZEROS(quality, &quality, ripple, trend);
 }
 
 static cgl_drive_config random_drive(cgl_real ts)
@@ -1550,6 +1596,9 @@ static void try_adrc(void)
     }
     CHECK_RESET(adrc, &law, &config, any_loop(ts));
     CHECK_ANEW(adrc, &law, &config, any_loop(ts));
+    CHECK(!law.started);
+    CHECK(within(law.omega, CGL_R(0.0)) && within(law.f, CGL_R(0.0)));
+    CHECK_ZEROS(adrc, &law, before, rejected);
 }
 
 void random_inputs(long configs)
