@@ -365,6 +365,71 @@ static void compare_after_five_trials_above(void)
     }
 }
 
+/* In the trial that repeats the best v the plant has changed. J_1 is of that trial: so far from F that v needs no comparison. */
+static void learn_on_a_changed_plant(void)
+{
+    static const cgl_real errors[] = {CGL_R(100.0), CGL_R(1.0), CGL_R(90.0), CGL_R(90.0), CGL_R(2.0)};
+    static const cgl_trial_phase phases[] = {CGL_TRIAL_LEARN, CGL_TRIAL_LEARN, CGL_TRIAL_LEARN, CGL_TRIAL_REPLAY, CGL_TRIAL_LEARN};
+    cgl_trial_guard guard;
+    cgl_trial_guard_reset(&guard);
+    for (uint32_t n = 0; n < CGL_ENTRIES(errors); ++n) {
+        guard.error = errors[n];
+        (void)cgl_trial_guard_judge(&guard, n == 0U);
+        CHECK(guard.phase == phases[n]);
+    }
+    CHECK(guard.strikes == 0U && within(guard.best - CGL_R(2.0), CGL_R(0.0)) && within(guard.feedback - CGL_R(100.0), CGL_R(0.0)));
+}
+
+/* The guard after trials of these J, the first with v = 0 and the last with u at its limit or not; J = 0 ends the list. */
+static cgl_trial_guard judged(const cgl_real *errors, bool limited)
+{
+    cgl_trial_guard guard;
+    cgl_trial_guard_reset(&guard);
+    for (uint32_t n = 0; errors[n] > CGL_R(0.0); ++n) {
+        guard.error = errors[n];
+        guard.limited = limited && !(errors[n + 1U] > CGL_R(0.0));
+        (void)cgl_trial_guard_judge(&guard, n == 0U);
+    }
+    return guard;
+}
+
+#define JUDGED(limited, ...) judged((const cgl_real[]){__VA_ARGS__, CGL_R(0.0)}, (limited))
+
+/* What is at a factor of the guard's, and what is just beyond it. F is the first J, J_best the second. */
+static void judge_at_the_factors(void)
+{
+    const cgl_real f = CGL_R(100.0), best = CGL_R(1.0), more = CGL_R(1.0001), less = CGL_R(0.9999);
+    const cgl_real worse = CGL_R(1.1025), changed = CGL_R(1.21);
+    CHECK(JUDGED(false, f, CGL_R(4.0), CGL_R(9.0)).above == 0U && JUDGED(false, f, CGL_R(4.0), more * CGL_R(9.0)).above == 1U);
+    CHECK(JUDGED(true, f, best, worse).above == 0U && JUDGED(true, f, best, more * worse).above == 1U);
+    CHECK(JUDGED(false, f, worse * f).above == 0U && JUDGED(false, f, more * worse * f).above == 1U);
+    /* J falls, or does not; then it has halved, or has not */
+    const cgl_real high = CGL_R(9.0), fallen = CGL_R(11.0);
+    CHECK(JUDGED(false, f, best, worse * high, high).phase == CGL_TRIAL_LEARN);
+    CHECK(JUDGED(false, f, best, worse * high, more * high).phase == CGL_TRIAL_REPLAY);
+    CHECK(JUDGED(false, f, best, CGL_R(40.0), fallen, CGL_R(10.0)).phase == CGL_TRIAL_COMPARE);
+    CHECK(JUDGED(false, f, best, CGL_R(40.0), fallen, more * CGL_R(10.0)).phase == CGL_TRIAL_REPLAY);
+    /* the best v again: as before, or changed */
+    CHECK(JUDGED(false, f, best, high, high, changed).phase == CGL_TRIAL_HOLD);
+    CHECK(JUDGED(false, f, changed, high, high, best).phase == CGL_TRIAL_HOLD);
+    CHECK(JUDGED(false, f, best, high, high, more * changed).strikes == 0U);
+    CHECK(JUDGED(false, f, changed, high, high, less * best).strikes == 0U);
+    /* what F and J_1 show: they differ by a factor of 4, and the larger one is 8 (J + J_best) */
+    const cgl_real wide = CGL_R(1000.0), early = CGL_R(4.0);
+    CHECK(JUDGED(false, wide, best, f, f, CGL_R(124.0)).phase == CGL_TRIAL_LEARN);
+    CHECK(JUDGED(false, wide, best, f, f, more * CGL_R(124.0)).phase == CGL_TRIAL_COMPARE);
+    CHECK(JUDGED(false, CGL_R(64.0), CGL_R(0.5), early, early, early).phase == CGL_TRIAL_LEARN);
+    CHECK(JUDGED(false, CGL_R(16.0), CGL_R(0.5), early, early, early).phase == CGL_TRIAL_COMPARE);
+    /* a strike is taken back at a quarter */
+    const cgl_real quarter = CGL_R(0.25);
+    CHECK(JUDGED(false, f, best, high, high, best, best, best, best, best, quarter).strikes == 0U);
+    CHECK(JUDGED(false, f, best, high, high, best, best, best, best, best, more * quarter).strikes == 1U);
+    /* F again: the same as before, or of another plant */
+    const cgl_real above = CGL_R(6.0), now = worse * CGL_R(2.0); /* F = 2 is measured before */
+    CHECK(JUDGED(false, CGL_R(2.0), best, above, above, above, now).strikes == 1U);
+    CHECK(JUDGED(false, CGL_R(2.0), best, above, above, above, more * now).strikes == 0U);
+}
+
 /* A best v of J = 1, then two trials of J = 1.2. That is too much only where u was at its limit, even in one sample before the last. */
 static void judge_at_the_limit(void)
 {
@@ -565,6 +630,8 @@ void known_answers(void)
     hold_the_best_trial();
     compare_after_five_trials_above();
     measure_at_the_bounds();
+    learn_on_a_changed_plant();
+    judge_at_the_factors();
     judge_at_the_limit();
     learn_from_a_lasting_error();
     bound_calibrations();
