@@ -21,6 +21,11 @@ int failures(void)
     return failed;
 }
 
+void check_bytes(const void *one, const void *other, size_t first, size_t end)
+{
+    CHECK(memcmp((const char *)one + first, (const char *)other + first, end - first) == 0);
+}
+
 bool within(cgl_real x, cgl_real limit)
 {
     return x >= -limit && x <= limit; /* false for NaN */

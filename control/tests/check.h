@@ -2,6 +2,7 @@
 #ifndef CHECK_H
 #define CHECK_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "cogless/real.h"
@@ -11,6 +12,9 @@
 
 void check(bool holds, const char *condition, const char *file, int line);
 int failures(void);
+
+/* Two states are the same, from byte `first` to the one before `end`. */
+void check_bytes(const void *one, const void *other, size_t first, size_t end);
 
 /* Within +-limit; no NaN is. */
 bool within(cgl_real x, cgl_real limit);

@@ -7,15 +7,19 @@
 #include "check.h"
 #include "cogless/adrc.h"
 #include "cogless/anti_cogging.h"
+#include "cogless/calibration.h"
+#include "cogless/current_reference.h"
 #include "cogless/drive.h"
 #include "cogless/harmonic.h"
 #include "cogless/pi_afc.h"
 #include "cogless/map.h"
+#include "cogless/microstepping.h"
 #include "cogless/pi_ilc.h"
 #include "cogless/robust_ilc.h"
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"
 #include "cogless/speed_pi.h"
+#include "cogless/square_root.h"
 #include "cogless/trial.h"
 
 #ifdef COGLESS_NO_TEXTS
@@ -75,6 +79,33 @@ static void unmade_states(void)
     CHECK_UNMADE(harmonic, cgl_harmonic);
     CHECK_UNMADE(space_position, cgl_space_position);
     CHECK_UNMADE(space_speed, cgl_space_speed);
+    static cgl_microstepping motor;
+    cgl_microstepping_output out = {CGL_R(9.0), CGL_R(9.0), 0U};
+    cgl_microstepping_step(&motor, CGL_R(1.0), CGL_R(1.0), &out);
+    CHECK(within(out.i_a, CGL_R(0.0)) && within(out.i_b, CGL_R(0.0)));
+    CHECK(out.status == ((unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_OFF));
+}
+
+/* Parts of a drive that were initialised, and then refused. */
+static void refused_parts(void)
+{
+    cgl_drive drive;
+    cgl_drive_config config = some_drive();
+    const cgl_measurement now = {.u_dc = CGL_R(24.0)};
+    const cgl_reference reference = {.omega_ref = CGL_R(10.0)};
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK && cgl_drive_measure(&drive, &now, &reference));
+    config.divider = 0U;
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_ERROR_CONFIG && !cgl_drive_measure(&drive, &now, &reference));
+    cgl_microstepping motor;
+    cgl_microstepping_config steps = {.teeth = 50U, .current = CGL_R(1.0)};
+    cgl_microstepping_output out;
+    CHECK(cgl_microstepping_init(&motor, &steps) == CGL_OK);
+    cgl_microstepping_step(&motor, CGL_R(0.0), CGL_R(1.0), &out);
+    CHECK(within(out.i_a - CGL_R(1.0), CGL_R(1.0e-3)) && out.status == 0U);
+    steps.teeth = 0U;
+    CHECK(cgl_microstepping_init(&motor, &steps) == CGL_ERROR_CONFIG);
+    cgl_microstepping_step(&motor, CGL_R(0.0), CGL_R(1.0), &out);
+    CHECK(within(out.i_a, CGL_R(0.0)) && (out.status & (unsigned)CGL_STATUS_OFF) != 0U);
 }
 
 static void unmade_drive(void)
@@ -310,14 +341,31 @@ static void gains_of_nothing(void)
         CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), (text)));                                                \
     } while (false)
 
-/* Memory of another length than the config needs is refused by the law's own init, which then does not step. */
-#define CHECK_LENGTH(name, config, length)                                                                             \
+/* What a law's part refuses, the law names and its retune refuses too. */
+#define CHECK_PART(name, config, field, value, text, ...)                                                              \
     do {                                                                                                               \
-        static cgl_real cells[256];                                                                                    \
         static cgl_##name law;                                                                                         \
-        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, cells, (length)) == CGL_OK);                           \
-        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, cells, (length) - 1U) == CGL_ERROR_MEMORY);            \
-        CHECK(cgl_##name##_init(&law, &(config), &guarded_loop, NULL, (length)) == CGL_ERROR_MEMORY);                  \
+        cgl_##name##_config other = (config);                                                                          \
+        CHECK(cgl_##name##_init(&law, &other, &guarded_loop, __VA_ARGS__) == CGL_OK);                                  \
+        CHECK(cgl_##name##_retune(&law, &other) == CGL_OK);                                                            \
+        other.field = (value);                                                                                         \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &guarded_loop), (text)));                                        \
+        CHECK(cgl_##name##_retune(&law, &other) == CGL_ERROR_CONFIG);                                                  \
+    } while (false)
+
+/* A law that was initialised, and then refused for its limit, does not step. */
+#define CHECK_REFUSED(name, step, config, bound, ...)                                                                  \
+    do {                                                                                                               \
+        static cgl_##name law;                                                                                         \
+        cgl_##name##_config other = (config);                                                                          \
+        cgl_law_output out;                                                                                            \
+        CHECK(cgl_##name##_init(&law, &other, __VA_ARGS__) == CGL_OK);                                                 \
+        cgl_##step##_step(&law, &turning, &out);                                                                       \
+        CHECK((out.status & (unsigned)CGL_STATUS_OFF) == 0U);                                                          \
+        other.bound = CGL_R(0.0);                                                                                      \
+        CHECK(cgl_##name##_init(&law, &other, __VA_ARGS__) == CGL_ERROR_CONFIG);                                       \
+        cgl_##step##_step(&law, &turning, &out);                                                                       \
+        check_refused(&out);                                                                                           \
     } while (false)
 
 static void opening_checks(void)
@@ -342,9 +390,24 @@ static void opening_checks(void)
     CHECK_OPENING(robust_ilc, robust, limit, "robust_ilc.limit", true);
     CHECK_OPENING(space_speed, speed, limit, "space_speed.limit", true);
     CHECK_OPENING(space_position, position, limit, "space_position.limit", true);
-    CHECK_LENGTH(robust_ilc, robust, CGL_MEMORY_ROW(64U, 0U));
-    CHECK_LENGTH(space_speed, speed, CGL_MEMORY_ROW(64U, 0U));
-    CHECK_LENGTH(space_position, position, CGL_MEMORY_ROW(64U, 0U));
+    static cgl_real cells[128];
+    CHECK_PART(pi_ilc, ilc, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 2U));
+    CHECK_PART(robust_ilc, robust, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_PART(space_speed, speed, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_PART(space_position, position, memory.lead, 17U, "memory.lead", cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_PART(pi_ilc, ilc, pi.ki, CGL_R(-1.0), "pi.ki", cells, CGL_MEMORY_ROW(64U, 2U));
+    CHECK_PART(anti_cogging, cogging, pi.ki, CGL_R(-1.0), "pi.ki", cells, 4U);
+    CHECK_PART(pi_afc, afc, pi.ki, CGL_R(-1.0), "pi.ki", cells, CGL_PI_AFC_LENGTH(1U));
+    CHECK_PART(harmonic, harmonic, pi.ki, CGL_R(-1.0), "pi.ki", cells, CGL_HARMONIC_LENGTH(3U));
+    CHECK_REFUSED(pi, speed_pi, pi, limit, &guarded_loop);
+    CHECK_REFUSED(adrc, adrc, adrc, limit, &guarded_loop);
+    CHECK_REFUSED(pi_ilc, pi_ilc, ilc, pi.limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 2U));
+    CHECK_REFUSED(robust_ilc, robust_ilc, robust, limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_REFUSED(space_speed, space_speed, speed, limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_REFUSED(space_position, space_position, position, limit, &guarded_loop, cells, CGL_MEMORY_ROW(64U, 0U));
+    CHECK_REFUSED(anti_cogging, anti_cogging, cogging, pi.limit, &guarded_loop, cells, 4U);
+    CHECK_REFUSED(pi_afc, pi_afc, afc, limit, &guarded_loop, cells, CGL_PI_AFC_LENGTH(1U));
+    CHECK_REFUSED(harmonic, harmonic, harmonic, limit, &guarded_loop, cells, CGL_HARMONIC_LENGTH(3U));
 }
 
 /* Laws whose learning needs a feedback of their own say so. */
@@ -435,6 +498,35 @@ static void defaults(void)
     CHECK(drive.loop.guarded && !drive.loop.feed_forward);
 }
 
+/* The values that stand for a 0 in the configs of the parts. */
+static void defaults_of_parts(void)
+{
+    const cgl_real ts = CGL_R(1.0e-4);
+    const cgl_align_config of_align = {.pole_pairs = 4U, .current = CGL_R(1.0), .ramp = CGL_R(0.1), .speed = CGL_R(1.0), .settle = CGL_R(0.1)};
+    cgl_align align;
+    CHECK(cgl_align_init(&align, &of_align, ts) == CGL_OK);
+    CHECK(within(align.config.sweep - CGL_R(0.5) * CGL_PI, CGL_R(0.0)) && within(align.config.tolerance - CGL_R(0.25), CGL_R(0.0)));
+    const cgl_quality_config of_quality = {.span = CGL_R(0.0)};
+    cgl_quality quality;
+    CHECK(cgl_quality_init(&quality, &of_quality, CGL_R(0.5)) == CGL_OK);
+    CHECK(within(quality.config.span - CGL_TWO_PI, CGL_R(0.0)) && quality.longest == 120U); /* a minute */
+    cgl_drive drive;
+    const cgl_drive_config of_drive = some_drive();
+    const cgl_current_reference_config of_currents = {.psi_f = CGL_R(0.01)};
+    cgl_current_reference currents;
+    CHECK(cgl_drive_init(&drive, &of_drive, ts) == CGL_OK && cgl_current_reference_init(&currents, &of_currents, &drive) == CGL_OK);
+    CHECK(within(currents.share * cgl_square_root(CGL_R(3.0)) - CGL_R(0.95), CGL_R(1.0e-6))); /* of u_dc / sqrt 3 */
+    const cgl_microstepping_config of_motor = {.teeth = 50U, .current = CGL_R(1.0)};
+    cgl_microstepping motor;
+    CHECK(cgl_microstepping_init(&motor, &of_motor) == CGL_OK && motor.microstep == 0x40000000U / 256U);
+    const cgl_memory_config of_line = {.kind = CGL_MEMORY_DELAY, .cells = 64U, .limit = {CGL_R(1.0)}};
+    static cgl_real line[CGL_MEMORY_LENGTH(CGL_MEMORY_DELAY, 1U, 64U, 0U)];
+    cgl_memory memory;
+    CHECK(cgl_memory_init(&memory, &of_line, ts, 1U, line, CGL_ENTRIES(line)) == CGL_OK);
+    CHECK(within(memory.config.k_pp - CGL_R(10.0), CGL_R(0.0)) && within(memory.config.forgetting - CGL_R(1.0), CGL_R(0.0)));
+    CHECK(memory.config.channels == 1U && memory.config.turns == 1U && memory.config.parts == 1U);
+}
+
 void faces(void)
 {
     another_limit();
@@ -444,6 +536,7 @@ void faces(void)
     matrix_of_a_trial();
     unmade_states();
     unmade_drive();
+    refused_parts();
     refused_again();
     names_of_the_drive();
     names_of_a_law();
@@ -453,4 +546,5 @@ void faces(void)
     references_of_torque_mode();
     first_input_after_a_reset();
     defaults();
+    defaults_of_parts();
 }

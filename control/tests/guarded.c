@@ -248,6 +248,7 @@ static void check_reset(cgl_real speed)
     static cgl_guard fresh;
     CHECK(cgl_guard_init(&fresh, TS) == CGL_OK);
     cgl_guard_reset(&guard);
+    check_bytes(&guard, &fresh, 0U, sizeof fresh);
     for (int n = 0; n < 8000; ++n) {
         cgl_real sine, cosine;
         cgl_sincos(cgl_fraction(speed * TS * (cgl_real)n / CGL_TWO_PI * CGL_R(6.0)) * CGL_TWO_PI, &sine, &cosine);

@@ -14,10 +14,14 @@
 #include "cogless/hall.h"
 #include "cogless/harmonic.h"
 #include "cogless/map.h"
+#include "cogless/monitor.h"
+#include "cogless/quality.h"
 #include "cogless/sine.h"
 #include "cogless/space_position.h"
 #include "cogless/speed_pi.h"
 #include "cogless/speed_timed.h"
+#include "cogless/square_root.h"
+#include "cogless/trial.h"
 #include "cogless/trial_guard.h"
 #include "cogless/turns.h"
 
@@ -361,6 +365,166 @@ static void compare_after_five_trials_above(void)
     }
 }
 
+/* In the trial that repeats the best v the plant has changed. J_1 is of that trial: so far from F that v needs no comparison. */
+static void learn_on_a_changed_plant(void)
+{
+    static const cgl_real errors[] = {CGL_R(100.0), CGL_R(1.0), CGL_R(90.0), CGL_R(90.0), CGL_R(2.0)};
+    static const cgl_trial_phase phases[] = {CGL_TRIAL_LEARN, CGL_TRIAL_LEARN, CGL_TRIAL_LEARN, CGL_TRIAL_REPLAY, CGL_TRIAL_LEARN};
+    cgl_trial_guard guard;
+    cgl_trial_guard_reset(&guard);
+    for (uint32_t n = 0; n < CGL_ENTRIES(errors); ++n) {
+        guard.error = errors[n];
+        (void)cgl_trial_guard_judge(&guard, n == 0U);
+        CHECK(guard.phase == phases[n]);
+    }
+    CHECK(guard.strikes == 0U && within(guard.best - CGL_R(2.0), CGL_R(0.0)) && within(guard.feedback - CGL_R(100.0), CGL_R(0.0)));
+}
+
+/* The guard after trials of these J, the first with v = 0 and the last with u at its limit or not; J = 0 ends the list. */
+static cgl_trial_guard judged(const cgl_real *errors, bool limited)
+{
+    cgl_trial_guard guard;
+    cgl_trial_guard_reset(&guard);
+    for (uint32_t n = 0; errors[n] > CGL_R(0.0); ++n) {
+        guard.error = errors[n];
+        guard.limited = limited && !(errors[n + 1U] > CGL_R(0.0));
+        (void)cgl_trial_guard_judge(&guard, n == 0U);
+    }
+    return guard;
+}
+
+#define JUDGED(limited, ...) judged((const cgl_real[]){__VA_ARGS__, CGL_R(0.0)}, (limited))
+
+/* What is at a factor of the guard's, and what is just beyond it. F is the first J, J_best the second. */
+static void judge_at_the_factors(void)
+{
+    const cgl_real f = CGL_R(100.0), best = CGL_R(1.0), more = CGL_R(1.0001), less = CGL_R(0.9999);
+    const cgl_real worse = CGL_R(1.1025), changed = CGL_R(1.21);
+    CHECK(JUDGED(false, f, CGL_R(4.0), CGL_R(9.0)).above == 0U && JUDGED(false, f, CGL_R(4.0), more * CGL_R(9.0)).above == 1U);
+    CHECK(JUDGED(true, f, best, worse).above == 0U && JUDGED(true, f, best, more * worse).above == 1U);
+    CHECK(JUDGED(false, f, worse * f).above == 0U && JUDGED(false, f, more * worse * f).above == 1U);
+    /* J falls, or does not; then it has halved, or has not */
+    const cgl_real high = CGL_R(9.0), fallen = CGL_R(11.0);
+    CHECK(JUDGED(false, f, best, worse * high, high).phase == CGL_TRIAL_LEARN);
+    CHECK(JUDGED(false, f, best, worse * high, more * high).phase == CGL_TRIAL_REPLAY);
+    CHECK(JUDGED(false, f, best, CGL_R(40.0), fallen, CGL_R(10.0)).phase == CGL_TRIAL_COMPARE);
+    CHECK(JUDGED(false, f, best, CGL_R(40.0), fallen, more * CGL_R(10.0)).phase == CGL_TRIAL_REPLAY);
+    /* the best v again: as before, or changed */
+    CHECK(JUDGED(false, f, best, high, high, changed).phase == CGL_TRIAL_HOLD);
+    CHECK(JUDGED(false, f, changed, high, high, best).phase == CGL_TRIAL_HOLD);
+    CHECK(JUDGED(false, f, best, high, high, more * changed).strikes == 0U);
+    CHECK(JUDGED(false, f, changed, high, high, less * best).strikes == 0U);
+    /* what F and J_1 show: they differ by a factor of 4, and the larger one is 8 (J + J_best) */
+    const cgl_real wide = CGL_R(1000.0), early = CGL_R(4.0);
+    CHECK(JUDGED(false, wide, best, f, f, CGL_R(124.0)).phase == CGL_TRIAL_LEARN);
+    CHECK(JUDGED(false, wide, best, f, f, more * CGL_R(124.0)).phase == CGL_TRIAL_COMPARE);
+    CHECK(JUDGED(false, CGL_R(64.0), CGL_R(0.5), early, early, early).phase == CGL_TRIAL_LEARN);
+    CHECK(JUDGED(false, CGL_R(16.0), CGL_R(0.5), early, early, early).phase == CGL_TRIAL_COMPARE);
+    /* a strike is taken back at a quarter */
+    const cgl_real quarter = CGL_R(0.25);
+    CHECK(JUDGED(false, f, best, high, high, best, best, best, best, best, quarter).strikes == 0U);
+    CHECK(JUDGED(false, f, best, high, high, best, best, best, best, best, more * quarter).strikes == 1U);
+    /* F again: the same as before, or of another plant */
+    const cgl_real above = CGL_R(6.0), now = worse * CGL_R(2.0); /* F = 2 is measured before */
+    CHECK(JUDGED(false, CGL_R(2.0), best, above, above, above, now).strikes == 1U);
+    CHECK(JUDGED(false, CGL_R(2.0), best, above, above, above, more * now).strikes == 0U);
+}
+
+/* A best v of J = 1, then two trials of J = 1.2. That is too much only where u was at its limit, even in one sample before the last. */
+static void judge_at_the_limit(void)
+{
+    static cgl_real memory[CGL_TRIAL_LENGTH(4U, 0U)];
+    const cgl_real of_trial[] = {CGL_R(100.0), CGL_R(1.0), CGL_R(1.2), CGL_R(1.2)}, y_ref[4] = {CGL_R(0.0)};
+    const cgl_trial_config config = {.samples = 4U, .states = 1U, .k_1 = {CGL_R(1.0)}, .n = CGL_R(1.0), .c = {CGL_R(1.0)},
+                                     .k_3 = CGL_R(0.01), .shift = 1U, .limit = CGL_R(100.0), .learned_limit = CGL_R(1.0)};
+    for (int limited = 0; limited < 2; ++limited) {
+        cgl_trial law;
+        cgl_trial_output out;
+        cgl_trial_config bound = config;
+        bound.limit = limited > 0 ? CGL_R(0.9) : config.limit; /* below |K_1 x| in sample 1 of each trial */
+        CHECK(cgl_trial_init(&law, &bound, memory, CGL_ENTRIES(memory)) == CGL_OK);
+        for (uint32_t trial = 0; trial <= CGL_ENTRIES(of_trial); ++trial) {
+            cgl_trial_begin(&law, y_ref);
+            for (uint32_t p = 0; p < 4U; ++p) {
+                const bool big = p == 1U && trial < CGL_ENTRIES(of_trial);
+                const cgl_trial_input in = {.x = {big ? cgl_square_root(of_trial[trial]) : CGL_R(0.0)}, .learn = true};
+                cgl_trial_step(&law, &in, &out);
+                CHECK(((out.status & (unsigned)CGL_STATUS_GUARDED) != 0U) == (limited > 0 && trial == CGL_ENTRIES(of_trial)));
+            }
+            CHECK(cgl_trial_end(&law) && law.guard.returns == (limited > 0 && trial > 2U ? 1U : 0U));
+        }
+    }
+}
+
+/* Two windows with a run of errors of 8: the next one may learn from errors of up to 16, however many, and from none beyond. */
+static void learn_from_a_lasting_error(void)
+{
+    const cgl_quality_config config = {.span = CGL_R(1.0e6), .longest = CGL_R(64.0), .outlier = CGL_R(3.0)};
+    for (int beyond = 0; beyond < 2; ++beyond) {
+        const cgl_real lasting = beyond > 0 ? CGL_R(16.001) : CGL_R(16.0);
+        cgl_quality quality;
+        CHECK(cgl_quality_init(&quality, &config, CGL_R(1.0)) == CGL_OK);
+        for (uint32_t n = 0; n < 4U * 64U; ++n) {
+            const bool runs = n >= 64U && n % 64U >= 16U && n % 64U < 24U;
+            const cgl_real run = n < 3U * 64U ? CGL_R(8.0) : lasting;
+            const bool outlier = cgl_quality_step(&quality, runs ? run : (n % 2U ? CGL_R(1.0) : CGL_R(-1.0)), CGL_R(0.0), true);
+            /* after the fourth of a run, 4 samples, a sixteenth of a window, pass in which nothing is learned */
+            const bool waits = n >= 64U && n % 64U >= 24U && n % 64U < 27U;
+            CHECK(outlier == ((runs || waits) && (n < 3U * 64U || beyond > 0)));
+        }
+    }
+}
+
+/* A period in which one measurement is at its bound is trusted; one beyond it is not, and says which. The short way of a step and the
+ * long way agree. */
+static void measure_at_the_bounds(void)
+{
+    const cgl_real ts = CGL_R(0.0009765625), travel = CGL_R(0.03125); /* powers of two, so that the bounds are exact */
+    cgl_monitor_config config = {.omega_max = CGL_R(16.0), .angle_step = CGL_R(0.015625), .current_max = CGL_R(4.0),
+                                 .current_sum = CGL_R(0.5), .phases = 3U};
+    const cgl_measurement usual = {.theta_m = CGL_R(1.0), .omega_m = CGL_R(1.0), .u_dc = CGL_R(24.0)};
+    static const struct {
+        cgl_real i_abc[3], moved, omega_m;
+        uint32_t phases;
+        unsigned beyond; /* the status when they are by a thousandth more */
+    } cases[] = {{{CGL_R(0.0)}, CGL_R(1.0), CGL_R(1.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(0.0)}, CGL_R(-1.0), CGL_R(1.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(0.0)}, CGL_R(0.0), CGL_R(16.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(0.0)}, CGL_R(0.0), CGL_R(-16.0), 3U, CGL_STATUS_ANGLE_LOST},
+                 {{CGL_R(4.0), CGL_R(-2.0), CGL_R(-2.0)}, CGL_R(0.0), CGL_R(1.0), 3U, CGL_STATUS_CURRENT},
+                 {{CGL_R(1.0), CGL_R(-0.25), CGL_R(-0.25)}, CGL_R(0.0), CGL_R(1.0), 3U, CGL_STATUS_CURRENT},
+                 {{CGL_R(-1.0), CGL_R(0.25), CGL_R(0.25)}, CGL_R(0.0), CGL_R(1.0), 3U, CGL_STATUS_CURRENT},
+                 {{CGL_R(0.0), CGL_R(4.0), CGL_R(9.0)}, CGL_R(0.0), CGL_R(1.0), 2U, CGL_STATUS_CURRENT}};
+    for (uint32_t n = 0; n < 4U * CGL_ENTRIES(cases); ++n) {
+        const cgl_real by = n % 2U > 0U ? CGL_R(1.001) : CGL_R(1.0);
+        const uint32_t k = n / 4U;
+        cgl_measurement now = usual;
+        cgl_monitor monitor;
+        config.phases = cases[k].phases;
+        CHECK(cgl_monitor_init(&monitor, &config, ts) == CGL_OK);
+        for (int step = 0; step < 3; ++step) {
+            cgl_monitor_step(&monitor, &now, CGL_R(0.0), false);
+        }
+        CHECK(monitor.trusted && monitor.status == 0U);
+        for (int x = 0; x < 3; ++x) {
+            now.i_abc[x] = by * cases[k].i_abc[x];
+        }
+        now.theta_m += by * travel * cases[k].moved;
+        now.omega_m = (cgl_abs(cases[k].omega_m) > CGL_R(1.0) ? by : CGL_R(1.0)) * cases[k].omega_m;
+        (n % 4U < 2U ? cgl_monitor_step : cgl_monitor_look)(&monitor, &now, CGL_R(0.0), false);
+        CHECK(monitor.trusted == (n % 2U == 0U));
+        CHECK((monitor.status & ~(unsigned)CGL_STATUS_FAULT) == (n % 2U > 0U ? cases[k].beyond : 0U));
+    }
+    cgl_monitor monitor; /* no bus */
+    cgl_measurement dead = usual;
+    dead.u_dc = CGL_R(0.0);
+    CHECK(cgl_monitor_init(&monitor, &config, ts) == CGL_OK);
+    cgl_monitor_step(&monitor, &usual, CGL_R(0.0), false);
+    cgl_monitor_step(&monitor, &usual, CGL_R(0.0), false);
+    cgl_monitor_step(&monitor, &dead, CGL_R(0.0), false);
+    CHECK(monitor.safe && monitor.status == ((unsigned)CGL_STATUS_BUS | (unsigned)CGL_STATUS_FAULT));
+}
+
 /* Each bound of the calibrations alone, and what lies on it. */
 static void bound_calibrations(void)
 {
@@ -436,9 +600,11 @@ static void feed_forward(void)
     const cgl_feedforward_config config = {.numerator = 2U, .denominator = 3U, .preview = 1U, .num = {CGL_R(1.0), CGL_R(0.5)},
                                            .den = {CGL_R(1.0), CGL_R(-0.5), CGL_R(0.25)}};
     const cgl_real y[4] = {CGL_R(1.0), CGL_R(2.0), CGL_R(-1.0), CGL_R(4.0)}, gain = CGL_R(1.5) / CGL_R(0.75);
+    const cgl_real nothing[4] = {CGL_R(0.0)};
     cgl_real before = gain * y[0], before_that = before;
     cgl_feedforward feedforward;
     CHECK(cgl_feedforward_init(&config, &feedforward) == CGL_OK);
+    CHECK(within(cgl_feedforward_step(&config, &feedforward, nothing, 4U, 0U), CGL_R(0.0)));
     cgl_feedforward_reset(&config, &feedforward, y[0]);
     for (uint32_t p = 0; p < 12U; ++p) {
         const cgl_real now = y[p < 3U ? p : 3U], next = y[p + 1U < 3U ? p + 1U : 3U];
@@ -463,6 +629,11 @@ void known_answers(void)
     hand_over_a_speed();
     hold_the_best_trial();
     compare_after_five_trials_above();
+    measure_at_the_bounds();
+    learn_on_a_changed_plant();
+    judge_at_the_factors();
+    judge_at_the_limit();
+    learn_from_a_lasting_error();
     bound_calibrations();
     leave_torque_mode();
     feed_forward();

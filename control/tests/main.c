@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "board.h"
+#include "bounds.h"
 #include "check.h"
 #include "cogless/anti_cogging.h"
 #include "cogless/quality.h"
@@ -96,6 +97,7 @@ int main(int count, char **arguments)
     const long configs = asked > CHECKED_CONFIGS ? asked : CHECKED_CONFIGS;
     known_answers();
     golden_vectors();
+    bounds();
     memories();
     faces();
     foreign_loops();

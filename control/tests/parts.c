@@ -2,6 +2,8 @@
  * finite and within its limits, and has the bits that it had when this was released. */
 #include "parts.h"
 
+#include <stddef.h>
+
 #include "check.h"
 #include "cogless/angle.h"
 #include "cogless/angle_observer.h"
@@ -37,7 +39,7 @@ static cgl_dead_time_config random_dead_time(void)
 static void try_dead_time(void)
 {
     cgl_dead_time_config config;
-    cgl_dead_time dead_time;
+    static cgl_dead_time dead_time, fresh;
     do {
         config = random_dead_time();
     } while (cgl_dead_time_init(&dead_time, &config, random_gain(CGL_R(1.0e-4))) != CGL_OK);
@@ -61,6 +63,10 @@ static void try_dead_time(void)
         CHECK(are_duties(duty));
         CHECK(cgl_is_finite(dead_time.i_d) && cgl_is_finite(dead_time.i_q));
     }
+    cgl_dead_time_reset(&dead_time);
+    config = dead_time.config;
+    CHECK(cgl_dead_time_init(&fresh, &config, dead_time.ts) == CGL_OK);
+    check_bytes(&dead_time, &fresh, 0U, sizeof fresh);
 }
 
 static void try_speed(void)
@@ -70,7 +76,7 @@ static void try_speed(void)
                                            random_below(2) != 0U};
     uint32_t before[20];
     cgl_speed_count counted;
-    cgl_speed_timed timed;
+    static cgl_speed_timed timed, fresh;
     cgl_edges edges = {0U, 0U, 0U, false, false};
     uint32_t now = random_bits();
     const bool counts = cgl_speed_count_init(&counted, &counting, random_gain(CGL_R(1.0e-3)), before, 20U) == CGL_OK;
@@ -92,12 +98,22 @@ static void try_speed(void)
         hear(by_time);
         hear_bits(edges.count);
     }
+    if (times) {
+        static const cgl_edges none;
+        cgl_speed_timed_reset(&timed, &none, 0U, CGL_R(0.0));
+        CHECK(cgl_speed_timed_init(&fresh, &timing) == CGL_OK);
+        check_bytes(&timed, &fresh, offsetof(cgl_speed_timed, per_tick), sizeof fresh);
+    }
+    if (counts) {
+        cgl_speed_count_reset(&counted, edges.count);
+        CHECK(within(cgl_speed_count_step(&counted, edges.count), CGL_R(0.0)) && counted.oldest == 1U % counting.window);
+    }
 }
 
 static void try_angle_observer(void)
 {
     cgl_angle_observer_config config;
-    cgl_angle_observer observer;
+    static cgl_angle_observer observer, fresh;
     do {
         config.bandwidth = random_gain(CGL_R(1.0e3));
     } while (cgl_angle_observer_init(&observer, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
@@ -115,6 +131,10 @@ static void try_angle_observer(void)
         hear(observer.omega);
         CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
     }
+    config = observer.config;
+    cgl_angle_observer_reset(&observer, 0U, CGL_R(0.0));
+    CHECK(cgl_angle_observer_init(&fresh, &config, observer.ts) == CGL_OK);
+    check_bytes(&observer, &fresh, 0U, sizeof fresh);
 }
 
 static void random_waves(cgl_microstepping_wave wave[CGL_MICROSTEPPING_WAVES])
@@ -140,7 +160,7 @@ static cgl_microstepping_config random_microstepping(void)
 static void try_microstepping(void)
 {
     cgl_microstepping_config config;
-    cgl_microstepping motor;
+    static cgl_microstepping motor, fresh;
     cgl_microstepping_output out;
     do {
         config = random_microstepping();
@@ -161,6 +181,10 @@ static void try_microstepping(void)
         hear(out.i_b);
         hear_bits(out.status);
     }
+    cgl_microstepping_reset(&motor);
+    config = motor.config;
+    CHECK(cgl_microstepping_init(&fresh, &config) == CGL_OK);
+    check_bytes(&motor, &fresh, offsetof(cgl_microstepping, ready), sizeof fresh);
 }
 
 static cgl_current_reference_config random_current_reference(void)
@@ -232,7 +256,7 @@ static void try_square_root(void)
 static void try_low_pass(void)
 {
     cgl_low_pass_config config;
-    cgl_low_pass filter;
+    static cgl_low_pass filter, fresh;
     do {
         config.bandwidth = random_gain(CGL_R(1.0e3));
     } while (cgl_low_pass_init(&filter, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
@@ -247,12 +271,17 @@ static void try_low_pass(void)
             CHECK(within(filter.config.bandwidth - config.bandwidth, CGL_R(0.0)));
         }
     }
+    cgl_low_pass_reset(&filter, CGL_R(0.0));
+    CHECK(cgl_low_pass_init(&fresh, &config, filter.ts) == CGL_OK);
+    check_bytes(&filter, &fresh, 0U, sizeof fresh);
+    cgl_low_pass_reset(&filter, CGL_R(2.5));
+    CHECK(within(cgl_low_pass_step(&filter, CGL_R(2.5)) - CGL_R(2.5), CGL_R(1.0e-6)));
 }
 
 static void try_hall(void)
 {
     cgl_hall_config config;
-    cgl_hall hall;
+    static cgl_hall hall, fresh;
     do {
         config.pole_pairs = random_word();
         config.edges = random_below(8);
@@ -274,12 +303,16 @@ static void try_hall(void)
         const cgl_real theta = cgl_radians(hall.turns);
         CHECK(theta >= CGL_R(0.0) && theta < CGL_TWO_PI);
     }
+    cgl_hall_reset(&hall, 0U);
+    CHECK(cgl_hall_init(&fresh, &config) == CGL_OK);
+    check_bytes(&hall, &fresh, 0U, offsetof(cgl_hall, interval)); /* those are unknown */
+    check_bytes(&hall, &fresh, offsetof(cgl_hall, last), sizeof fresh);
 }
 
 static void try_encoder(void)
 {
     cgl_encoder_config config;
-    cgl_encoder encoder;
+    static cgl_encoder encoder, fresh;
     do {
         config.counts = random_word();
         config.absolute = random_below(2) != 0U;
@@ -300,12 +333,16 @@ static void try_encoder(void)
         const cgl_real theta = cgl_radians(encoder.turns);
         CHECK(theta >= CGL_R(0.0) && theta < CGL_TWO_PI);
     }
+    const uint32_t now = encoder.reading;
+    cgl_encoder_reset(&encoder, now);
+    CHECK(cgl_encoder_init(&fresh, &config, now) == CGL_OK);
+    check_bytes(&encoder, &fresh, offsetof(cgl_encoder, per_count), sizeof fresh);
 }
 
 static void try_encoder_table(void)
 {
     cgl_encoder_table_config config;
-    cgl_encoder_table table;
+    static cgl_encoder_table table, fresh;
     cgl_real theta, omega;
     do {
         config.orders = random_below(CGL_ENCODER_TABLE_ORDERS + 2U);
@@ -359,16 +396,20 @@ static void try_encoder_table(void)
         hear_bits(table.wait);
         CHECK(within(table.observer.omega, table.observer.omega_max));
     }
+    cgl_encoder_table_reset(&table);
+    config = table.config;
+    CHECK(cgl_encoder_table_init(&fresh, &config, table.observer.ts) == CGL_OK);
+    check_bytes(&table, &fresh, offsetof(cgl_encoder_table, a), sizeof fresh);
 }
 
 static void try_calibration(void)
 {
     const cgl_offsets_config averaging = {1U + random_below(400), 2U + random_below(2), random_gain(CGL_R(1.0)),
                                           random_gain(CGL_R(10.0))};
-    cgl_offsets offsets;
+    static cgl_offsets offsets, other;
     const bool averages = cgl_offsets_init(&offsets, &averaging) == CGL_OK;
     cgl_align_config config;
-    cgl_align align;
+    static cgl_align align, fresh;
     do {
         config.pole_pairs = 1U + random_below(20);
         config.current = random_gain(CGL_R(5.0));
@@ -391,7 +432,7 @@ static void try_calibration(void)
         }
         CHECK(cgl_is_finite(out.omega_e) && within(out.theta_e, cgl_or_default(config.sweep, CGL_R(0.5) * CGL_PI)));
         CHECK(out.i_d_ref >= CGL_R(0.0) && out.i_d_ref <= config.current * CGL_R(1.00001));
-        CHECK(result == CGL_CALIBRATION_BUSY || within(out.i_d_ref, CGL_R(0.0)));
+        CHECK(result == CGL_CALIBRATION_BUSY || (within(out.i_d_ref, CGL_R(0.0)) && within(align.current, CGL_R(0.0))));
         CHECK(cgl_is_finite(align.zero) && cgl_is_finite(align.apart));
         hear(out.theta_e);
         hear(out.omega_e);
@@ -407,6 +448,14 @@ static void try_calibration(void)
             hear_all(offsets.mean, 3U);
             CHECK(cgl_is_finite(offsets.mean[0]) && cgl_is_finite(offsets.mean[1]) && cgl_is_finite(offsets.mean[2]));
         }
+    }
+    cgl_align_reset(&align);
+    CHECK(cgl_align_init(&fresh, &config, align.ts) == CGL_OK);
+    check_bytes(&align, &fresh, 0U, sizeof fresh);
+    if (averages) {
+        cgl_offsets_reset(&offsets);
+        CHECK(cgl_offsets_init(&other, &averaging) == CGL_OK);
+        check_bytes(&offsets, &other, 0U, sizeof other);
     }
 }
 
@@ -435,6 +484,13 @@ static void try_telemetry(void)
             CHECK(within(said[k] - x - (cgl_real)k, CGL_R(0.0)));
         }
     }
+    telemetry.count = UINT32_MAX; /* as after years; a snapshot of number 0 would be none */
+    cgl_telemetry_write(&telemetry, &drive, &out);
+    CHECK(cgl_telemetry_read(&telemetry, &snapshot) && snapshot.count == 2U);
+    telemetry.buffer[0].count = 4U; /* one that is being written */
+    CHECK(!cgl_telemetry_read(&telemetry, &snapshot));
+    cgl_telemetry_reset(&telemetry);
+    CHECK(!cgl_telemetry_read(&telemetry, &snapshot) && telemetry.count == 0U && telemetry.buffer[1].count == 0U);
 }
 
 void try_parts(long configs)

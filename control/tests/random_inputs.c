@@ -3,6 +3,7 @@
  * comes out has the bits that it had when this was released. */
 #include "random_inputs.h"
 
+#include <stddef.h>
 #include <string.h>
 
 #include "check.h"
@@ -107,6 +108,32 @@ static cgl_real fresh_cells[ROWS_MAX];
             check_same(&one, &other);                                                                                  \
         }                                                                                                              \
     } while (false)
+
+/* A state that is reset, and one that is initialised again, is in every byte what init makes of the same config and memory. All are
+ * static, so that their padding is 0. */
+#define CHECK_ANEW(name, state, ...)                                                                                   \
+    do {                                                                                                               \
+        static cgl_##name fresh, again;                                                                                \
+        memcpy(&again, (state), sizeof again);                                                                         \
+        cgl_##name##_reset(state);                                                                                     \
+        memcpy(fresh_cells, fenced + GUARD, sizeof fresh_cells);                                                       \
+        CHECK(cgl_##name##_init(&fresh, __VA_ARGS__) == CGL_OK);                                                       \
+        CHECK(cgl_##name##_init(&again, __VA_ARGS__) == CGL_OK);                                                       \
+        check_bytes((state), &fresh, 0U, sizeof fresh);                                                                \
+        check_bytes(&again, &fresh, 0U, sizeof fresh);                                                                 \
+        check_bytes(fresh_cells, fenced + GUARD, 0U, sizeof fresh_cells);                                              \
+    } while (false)
+
+/* What has not begun is 0 (false, nothing): the fields of a state from one to another. */
+static void check_zeros(const void *state, size_t first, size_t end)
+{
+    for (size_t n = first; n < end; ++n) {
+        CHECK(((const char *)state)[n] == 0);
+    }
+}
+
+#define CHECK_ZEROS(name, state, first, last)                                                                          \
+    check_zeros((state), offsetof(cgl_##name, first), offsetof(cgl_##name, last) + sizeof (state)->last)
 
 /* A law that is retuned keeps the gentler step that the guard asks for. */
 #define CHECK_GENTLE(name, law, config)                                                                                \
@@ -346,7 +373,7 @@ static cgl_foc_config random_foc(void)
 static void try_foc(void)
 {
     cgl_foc_config config;
-    cgl_foc foc;
+    static cgl_foc foc;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
@@ -387,12 +414,14 @@ static void try_foc(void)
             CHECK(u_d * u_d + u_q * u_q <= longest || in.u_dc < CGL_R(1.0e-30));
         }
     }
+    CHECK_ANEW(foc, &foc, &config, ts);
+    CHECK_ZEROS(foc, &foc, integral_d, lost_q);
 }
 
 static void try_pi(void)
 {
     cgl_pi_config config;
-    cgl_pi pi;
+    static cgl_pi pi;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
@@ -418,6 +447,9 @@ static void try_pi(void)
             hear(pi.proportional);
         }
     }
+    CHECK_ANEW(pi, &pi, &config, any_loop(ts));
+    CHECK(!pi.saturated);
+    CHECK_ZEROS(pi, &pi, integral, proportional);
 }
 
 /* Another config for a state that has this one: mostly of the same sizes, which retune wants. */
@@ -439,14 +471,15 @@ static void try_memory(void)
 {
     static cgl_real before[ROWS_MAX];
     cgl_memory_config config;
-    cgl_memory memory;
-    uint32_t length;
+    static cgl_memory memory;
+    uint32_t length, ratio;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
         config = random_memory(1U + random_below(CGL_CHANNELS));
         length = memory_length(&config);
-    } while (cgl_memory_init(&memory, &config, ts, random_count(50), fence(length), length) != CGL_OK);
+        ratio = random_count(50);
+    } while (cgl_memory_init(&memory, &config, ts, ratio, fence(length), length) != CGL_OK);
     CHECK(cgl_memory_fastest(&memory) >= CGL_R(0.0));
     const bool is_map = config.kind == CGL_MEMORY_ANGLE;
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
@@ -482,13 +515,20 @@ static void try_memory(void)
     }
     hear_all(memory.cell, length);
     hear(cgl_memory_fastest(&memory));
+    const cgl_memory_config now = memory.config;
+    CHECK_ANEW(memory, &memory, &now, ts, ratio, fenced + GUARD, length);
+    CHECK(!memory.learning && !memory.map.started && !memory.map.follows && !memory.map.lagging && !memory.map.backward);
+    for (const cgl_channel *channel = memory.channel; channel < memory.channel + CGL_CHANNELS; ++channel) {
+        CHECK(within(channel->value, CGL_R(0.0)));
+        check_zeros(channel, offsetof(cgl_channel, sum), sizeof *channel);
+    }
 }
 
 static void try_pi_ilc(void)
 {
     static cgl_real before[ROWS_MAX];
     cgl_pi_ilc_config config;
-    cgl_pi_ilc law;
+    static cgl_pi_ilc law;
     uint32_t length;
     cgl_real ts;
     do {
@@ -527,13 +567,15 @@ static void try_pi_ilc(void)
     hear_all(law.memory.cell, length);
     CHECK_GENTLE(pi_ilc, &law, &config);
     CHECK_RESET(pi_ilc, &law, &config, any_loop(ts), fresh_cells, length);
+    CHECK_ANEW(pi_ilc, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(within(law.learned, CGL_R(0.0)) && law.gentle == 0U);
 }
 
 static void try_robust_ilc(void)
 {
     static cgl_real before[ROWS_MAX];
     cgl_robust_ilc_config config;
-    cgl_robust_ilc law;
+    static cgl_robust_ilc law;
     uint32_t length;
     cgl_real ts;
     do {
@@ -585,12 +627,15 @@ static void try_robust_ilc(void)
     hear_all(law.memory.cell, length);
     CHECK_GENTLE(robust_ilc, &law, &config);
     CHECK_RESET(robust_ilc, &law, &config, any_loop(ts), fresh_cells, length);
+    CHECK_ANEW(robust_ilc, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(!law.started && !law.saturated && law.gentle == 0U);
+    CHECK_ZEROS(robust_ilc, &law, error_integral, terms);
 }
 
 static void try_anti_cogging(void)
 {
     cgl_anti_cogging_config config;
-    cgl_anti_cogging law;
+    static cgl_anti_cogging law;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
@@ -628,6 +673,18 @@ static void try_anti_cogging(void)
     check_cells(config.cells, config.pi.limit);
     check_fence(config.cells);
     hear_all(law.table, config.cells);
+    static cgl_anti_cogging fresh, again;
+    memcpy(&again, &law, sizeof again);
+    cgl_anti_cogging_reset(&law); /* what a calibration that has ended says stays */
+    CHECK(cgl_anti_cogging_init(&fresh, &config, any_loop(ts), fenced + GUARD, config.cells) == CGL_OK);
+    CHECK(cgl_anti_cogging_init(&again, &config, any_loop(ts), fenced + GUARD, config.cells) == CGL_OK);
+    check_bytes(&again, &fresh, 0U, sizeof fresh);
+    check_cells(config.cells, CGL_R(0.0));
+    fresh.friction = law.friction;
+    check_bytes(&law, &fresh, 0U, sizeof fresh);
+    CHECK(law.stage == CGL_ANTI_COGGING_RUN);
+    CHECK_ZEROS(anti_cogging, &law, looked_up, looked_up);
+    CHECK_ZEROS(anti_cogging, &law, place, started);
 }
 
 static cgl_pi_afc_config random_pi_afc(void)
@@ -650,7 +707,7 @@ static cgl_pi_afc_config random_pi_afc(void)
 static void try_pi_afc(void)
 {
     cgl_pi_afc_config config;
-    cgl_pi_afc law;
+    static cgl_pi_afc law;
     uint32_t length;
     cgl_real ts;
     do {
@@ -693,6 +750,8 @@ static void try_pi_afc(void)
     }
     check_fence(length);
     CHECK_RESET(pi_afc, &law, &config, any_loop(ts), fresh_cells, length);
+    CHECK_ANEW(pi_afc, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK_ZEROS(pi_afc, &law, learned, learning);
 }
 
 static cgl_harmonic_config random_harmonic(void)
@@ -719,7 +778,7 @@ static cgl_harmonic_config random_harmonic(void)
 static void try_harmonic(void)
 {
     cgl_harmonic_config config;
-    cgl_harmonic law;
+    static cgl_harmonic law;
     uint32_t length;
     cgl_real ts;
     do {
@@ -770,6 +829,12 @@ static void try_harmonic(void)
     }
     check_fence(length);
     CHECK_RESET(harmonic, &law, &config, any_loop(ts), fresh_cells, length);
+    CHECK_ANEW(harmonic, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK_ZEROS(harmonic, &law, pending, theta_sensor);
+    CHECK_ZEROS(harmonic, &law, since_edge, drift);
+    CHECK_ZEROS(harmonic, &law, last_load, bend);
+    CHECK_ZEROS(harmonic, &law, next_gain, low);
+    CHECK_ZEROS(harmonic, &law, follows, learned);
 }
 
 /* ---- learning in space ---- */
@@ -778,7 +843,7 @@ static void try_space_position(void)
 {
     static cgl_real before[ROWS_MAX];
     cgl_space_position_config config;
-    cgl_space_position law;
+    static cgl_space_position law;
     uint32_t length;
     cgl_real ts;
     do {
@@ -834,13 +899,16 @@ static void try_space_position(void)
     hear_all(law.memory.cell, length);
     CHECK_GENTLE(space_position, &law, &config);
     CHECK_RESET(space_position, &law, &config, any_loop(ts), fresh_cells, length);
+    CHECK_ANEW(space_position, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(!law.saturated && law.gentle == 0U);
+    CHECK_ZEROS(space_position, &law, learning_samples, terms);
 }
 
 static void try_space_speed(void)
 {
     static cgl_real before[ROWS_MAX];
     cgl_space_speed_config config;
-    cgl_space_speed law;
+    static cgl_space_speed law;
     uint32_t length;
     cgl_real ts;
     do {
@@ -887,6 +955,9 @@ static void try_space_speed(void)
     hear_all(law.memory.cell, length);
     CHECK_GENTLE(space_speed, &law, &config);
     CHECK_RESET(space_speed, &law, &config, any_loop(ts), fresh_cells, length);
+    CHECK_ANEW(space_speed, &law, &config, any_loop(ts), fenced + GUARD, length);
+    CHECK(!law.saturated && law.gentle == 0U);
+    CHECK_ZEROS(space_speed, &law, terms, terms);
 }
 
 /* ---- learning from trial to trial ---- */
@@ -1064,7 +1135,7 @@ static void try_trial(void)
 {
     static cgl_real matrix[(SAMPLES_MAX + 1U) * (SAMPLES_MAX + 1U)], y_ref[SAMPLES_MAX]; /* a retune asks for one sample more */
     cgl_trial_config config;
-    cgl_trial law;
+    static cgl_trial law;
     uint32_t length;
     do {
         config = random_trial(matrix);
@@ -1104,6 +1175,22 @@ static void try_trial(void)
         }
         check_fence(length);
     }
+    static cgl_trial fresh, again;
+    memcpy(&again, &law, sizeof again);
+    cgl_trial_reset(&law);
+    check_cells(config.samples, CGL_R(0.0));
+    CHECK(cgl_trial_init(&fresh, &config, fenced + GUARD, length) == CGL_OK);
+    CHECK(cgl_trial_init(&again, &config, fenced + GUARD, length) == CGL_OK);
+    for (int n = 0; n < 2; ++n) {
+        const cgl_trial *const one = n > 0 ? &again : &law;
+        check_bytes(one, &fresh, 0U, offsetof(cgl_trial, guard.limited) + 1U);
+        check_bytes(one, &fresh, offsetof(cgl_trial, v), sizeof fresh);
+    }
+    CHECK(law.y_ref == NULL && !law.spoilt);
+    CHECK_ZEROS(trial, &law, psi, psi);
+    CHECK_ZEROS(trial, &law, v, theta);
+    CHECK_ZEROS(trial, &law, sample, sample);
+    CHECK_ZEROS(trial, &law, terms, terms);
 }
 
 /* What was learned for one reference, moved to another. */
@@ -1214,7 +1301,8 @@ static bool hold_at_once(const cgl_monitor *monitor, const cgl_monitor_config *o
 static void try_monitor(void)
 {
     cgl_monitor_config config;
-    cgl_monitor monitor, long_way;
+    static cgl_monitor monitor;
+    cgl_monitor long_way;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
@@ -1249,6 +1337,9 @@ static void try_monitor(void)
             monitor.jumps = UINT32_MAX;
         }
     }
+    CHECK_ANEW(monitor, &monitor, &config, ts);
+    CHECK(monitor.safe);
+    CHECK_ZEROS(monitor, &monitor, trusted, ref_turned);
 }
 
 static void check_quality(const cgl_quality *quality)
@@ -1271,7 +1362,7 @@ static void check_quality(const cgl_quality *quality)
 static void try_quality(void)
 {
     cgl_quality_config config;
-    cgl_quality quality;
+    static cgl_quality quality;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
@@ -1296,6 +1387,11 @@ static void try_quality(void)
             config = cgl_quality_retune(&quality, &other) == CGL_OK ? other : config;
         }
     }
+    CHECK_ANEW(quality, &quality, &config, ts);
+    CHECK_ZEROS(quality, &quality, run_positive, run_remaining);
+    CHECK_ZEROS(quality, &quality, missing, last_peak_square);
+    CHECK_ZEROS(quality, &quality, turned, turned);
+    CHECK_ZEROS(quality, &quality, ripple, trend);
 }
 
 static cgl_drive_config random_drive(cgl_real ts)
@@ -1333,10 +1429,29 @@ static void check_drive(const cgl_drive_config *config, const cgl_drive *drive, 
     }
 }
 
+/* A drive that is reset waits for its first measurement, like a new one, and its law has no input and no command. */
+static void check_drive_anew(const cgl_drive_config *config, cgl_drive *drive, cgl_real ts)
+{
+    static const cgl_law_input no_input;
+    static const cgl_foc_input no_currents;
+    static cgl_drive fresh;
+    cgl_drive_reset(drive);
+    CHECK(cgl_drive_init(&fresh, config, ts) == CGL_OK);
+    check_bytes(&drive->in, &no_input, 0U, offsetof(cgl_law_input, gentle) + sizeof no_input.gentle);
+    CHECK(!drive->in.torque && within(drive->in.i_q_ref, CGL_R(0.0)));
+    check_bytes(&drive->currents, &no_currents, 0U, sizeof no_currents);
+    CHECK(within(drive->command.i_q_ref, CGL_R(0.0)) && drive->command.status == 0U && within(drive->i_q, CGL_R(0.0)));
+    CHECK(drive->countdown == 0U && drive->status == 0U && drive->held == 0U && !drive->saturated && !drive->off);
+    check_bytes(&drive->monitor, &fresh.monitor, 0U, offsetof(cgl_monitor, limits));
+    check_bytes(&drive->quality, &fresh.quality, 0U, sizeof fresh.quality);
+    check_bytes(&drive->guard, &fresh.guard, 0U, sizeof fresh.guard);
+    check_bytes(&drive->foc, &fresh.foc, 0U, sizeof fresh.foc);
+}
+
 static void try_drive(void)
 {
     cgl_drive_config config;
-    cgl_drive drive;
+    static cgl_drive drive;
     cgl_pi pi;
     cgl_pi_config law;
     cgl_real ts;
@@ -1384,6 +1499,7 @@ static void try_drive(void)
             other.pole_pairs = config.pole_pairs;
             other.divider = config.divider + (random_below(10) == 0U ? 1U : 0U);
             other.foreign = config.foreign;
+            other.unguarded = config.unguarded;
             const cgl_drive before = drive;
             const bool taken = hold_at_once(&drive.monitor, &other.monitor) && cgl_drive_retune(&drive, &other) == CGL_OK;
             const cgl_drive_config *const now_in = taken ? &other : &config;
@@ -1394,6 +1510,7 @@ static void try_drive(void)
             config = taken ? other : config;
         }
     }
+    check_drive_anew(&config, &drive, ts);
 }
 
 /* Configs of any bits: init may refuse them, and does no more than that. */
@@ -1454,7 +1571,7 @@ static cgl_adrc_config random_adrc(cgl_real ts)
 static void try_adrc(void)
 {
     cgl_adrc_config config;
-    cgl_adrc law;
+    static cgl_adrc law;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
@@ -1478,6 +1595,10 @@ static void try_adrc(void)
         }
     }
     CHECK_RESET(adrc, &law, &config, any_loop(ts));
+    CHECK_ANEW(adrc, &law, &config, any_loop(ts));
+    CHECK(!law.started);
+    CHECK(within(law.omega, CGL_R(0.0)) && within(law.f, CGL_R(0.0)));
+    CHECK_ZEROS(adrc, &law, before, rejected);
 }
 
 void random_inputs(long configs)
