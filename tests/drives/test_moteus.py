@@ -133,7 +133,7 @@ def test_the_ripple_that_is_predicted_comes(
     code, out, _ = cogless(capsys, "run", tmp_path / "try" / "study.toml", "-o", tmp_path / "results")
     assert code == 0 and "table leaves" in out
     code, _, err = cogless(capsys, *command[:-1], found)
-    assert code == 2 and f"--study: {found}: expected another folder" in err
+    assert code == 2 and f"--study: {found}: expected a folder other than" in err
 
 
 def test_half_an_entry_late_leaves_more() -> None:
