@@ -661,7 +661,10 @@ def test_a_study_s_own_code_is_named_and_may_be_refused(
         "open(__file__ + '.ran', 'w').close()\nclass Mine:\n    def step(self, i): return 0.0\n"
     )
     words = ("run", study, "--only", "low/*", "-o", tmp_path / "out")
-    line = f'{study}: controller.mine.law: "python": expected a law without code of your own, since --no-code is given\n'
+    line = (
+        f'{study}: controller.mine.law: "python": expected a law without code of your own, since --no-code '
+        "is given\n"
+    )
     for command in (words, ("sweep", study), ("tune", study), ("calibrate", study)):
         assert cogless(capsys, *command, "--no-code") == (2, "", line)
     assert not (tmp_path / "mine.py.ran").exists()
