@@ -359,7 +359,7 @@ CASES: dict[str, list[Case]] = {
              "samples in an electrical turn", left=0.5, cures=3),
     ],
     "design.turning.late_angle": [
-        Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "2 ms"}, "turns the torque round",
+        Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "2 ms"}, "reverses the torque",
              left=0.1),
         Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "1.3 ms"}, "of the torque",
              measure=copper, left=0.8),
@@ -478,7 +478,7 @@ def loop(**keys: Any) -> dict[str, Any]:
     return {**NONE, "drive.current_loop": {"current_limit": "10 A", **keys}}
 
 
-NO_MARGIN = "expected a loop that some gains give this phase margin"
+NO_MARGIN = "expected a loop that reaches this phase margin with some gains"
 REFUSALS: dict[str, list[Refusal]] = {
     "design.speed_loop._too_weak": [
         Refusal(SMALLEST, loop(bandwidth="1500 Hz"), "expected 30 deg of phase margin"),

@@ -233,7 +233,7 @@ def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
     assert (
-        "at 15 rpm those to 432 learn at 4.34 1/s, settle at rates to 10.3 1/s and converge with b 50 % off "
+        "at 15 rpm orders to 432 learn at 4.34 1/s, settle at rates to 10.3 1/s and converge with b 50 % off "
         "(Re Gamma 0.66" in made.words()
     )
     assert certificate(here, "harmonic").fine

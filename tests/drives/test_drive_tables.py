@@ -105,7 +105,10 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
         (["--from", "csv", "--to", "csv", "--shift", "40"], '--shift: "40": expected a unit too'),
         (["--from", "csv", "--to", "csv", "--reverse"], "--reverse: expected --shift ANGLE too"),
         (["--from", "moteus", "--to", "csv"], "motor.poles: missing: expected the dump"),
-        (["--to", "csv"], "no stored map: expected one, a folder of cogless identify, or --from DRIVE"),
+        (
+            ["--to", "csv"],
+            "no stored map: expected a stored map, a folder of cogless identify, or --from DRIVE",
+        ),
     ],
 )
 def test_a_table_that_cannot_be_written_is_one_line(

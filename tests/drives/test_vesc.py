@@ -99,7 +99,9 @@ def test_inertia_and_friction_come_out(
     assert "by its first lines VESC, a log of real-time data" in out
     assert "50 rows a second of mean currents, at " in out
     assert ("so no order has a place on the rotor" in out) == (not encoder)
-    assert "needs its reference in the file of --config and its controller, since the drive's own law" in out
+    assert (
+        "needs its reference in the file of --config and its controller, since cogless has no model of" in out
+    )
     values = json.loads((folder / "identified.json").read_text())["values"]
     assert values["j"]["value"] == pytest.approx(PLANT.inertia / PLANT.K_t, rel=0.02)
     assert values["c"]["value"] == pytest.approx(PLANT.coulomb / PLANT.K_t, rel=0.05)

@@ -169,7 +169,8 @@ def test_inertia_that_is_not_larger_than_its_error_takes_friction_along(known: I
         made = findings.without_nonsense(estimate(known, values={"j": Value(inertia, 1.0), **told}), left)
         assert set(made.values) == ({"j", *told} if kept else {"offset"})
         said = (
-            "Inertia is not larger than its error, and friction and delay are not told without it; add an "
+            "Inertia is not larger than its error, and without the inertia friction and delay cannot be "
+            "identified; add an "
             "acceleration log."
         )
         assert left == [said] * (not kept)
@@ -210,7 +211,8 @@ def test_orders_that_no_log_shows_are_named_with_the_speed_at_which_one_would(kn
     assert set(made.values) == set(values)
     (line,) = left
     assert (
-        line == "one.csv: seen up to order 6 at 13 rev/s, the slowest; order 24 of the motor needs 3 rev/s."
+        line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed; order 24 of the motor "
+        "needs 3 rev/s."
     )
     just = 80 * 6.25 / 24  # what is advised has a tenth to spare
     assert isinstance(line, Advice) and line.cures[0]["record.speed"] == pytest.approx(0.9 * just)
@@ -351,8 +353,8 @@ def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) ->
     currents = {"i_a": 0.0, "i_b": 0.0}
     taken = "With the bridge off the phase currents show 0, 0, -0 mA; this is taken out of i_q."
     turned = (
-        "off.csv: no value but the currents' offsets is from this log: with the bridge off it is not known "
-        "what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+        "off.csv: only the currents' offsets are from this log: with the bridge off it is not known what "
+        "turns the rotor; if nothing turns it, make the log's kind coast-down."
     )
     for turns, said in ((0.0, [taken]), (0.99, [taken]), (1.01, [taken, turned])):
         off = log("off.csv", "bridge-off", theta=turns * TURN * np.linspace(0, 1, 2000), **currents)
@@ -651,12 +653,12 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
 def test_every_log_without_a_steady_part_says_what_it_is_used_for() -> None:
     logs = [turning(1.0), log("still.csv", dt=0.0), log("off.csv", "bridge-off"), log("poor.csv", omega=1.0)]
     assert diagnosis._uses(logs, {"one.csv"}, set()) == {
-        "still.csv": "holds the rotor: cogging is from it",
-        "off.csv": "the bridge is off: offsets of the phase currents are from it",
-        "poor.csv": "no turn at a steady speed, and no torques: it is not used",
+        "still.csv": "the rotor is held: used for the cogging",
+        "off.csv": "the bridge is off: used for the offsets of the phase currents",
+        "poor.csv": "no turn at a steady speed, and no torques: not used",
     }
     assert diagnosis._uses(logs[:1], set(), {"one.csv"}) == {
-        "one.csv": "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+        "one.csv": "no turn at a steady speed: used for inertia, friction and orders, not for shares"
     }
 
 

@@ -224,7 +224,8 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             b"t,theta,omega,I_q [A]\n1,2,3,4\n",
-            'a.csv: no column "i_q" (i_q, near "I_q [A]"): expected in columns a heading that the file has',
+            'a.csv: no column "i_q" (i_q, near "I_q [A]"): expected in [columns] a heading that this '
+            "file has",
         ),
         (
             "a.csv",
@@ -234,7 +235,7 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             CSV.replace("t,theta", "T,theta").encode(),
-            'a.csv: no column "t" (t, near "T"): expected in columns a heading that the file has',
+            'a.csv: no column "t" (t, near "T"): expected in [columns] a heading that this file has',
         ),
         (
             "a.csv",

@@ -361,7 +361,7 @@ def test_a_late_angle_turns_the_torque_round(tmp_path: Path) -> None:
     a quarter of an electrical turn at 51 turns a second."""
     study = problem(tmp_path, MOTEUS)
     remark = designed(study, "electrical) late")
-    assert "turns the torque round" in str(remark)
+    assert "reverses the torque" in str(remark)
     helps(study, remark, 0.1)
     speed = simulate(study, "x", "pi").trace["omega_m"][-1] / (2 * np.pi)
     assert speed == pytest.approx(1 / (4 * 7 * 0.7e-3), rel=0.1)  # where cos(p omega tau) = 0

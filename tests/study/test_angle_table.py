@@ -126,10 +126,11 @@ SINE = [round(math.sin(math.radians(a)), 6) for a in WHOLE]
         (lines_of(WHOLE[:29], [0.0] * 29),
             "line 30: the next angle comes after 80 deg: expected at most 50 deg, 5 times the usual"),
         (lines_of(WHOLE, [0.01 * a for a in WHOLE]),
-            "line 37: the error does not close over the revolution: from the last to the first it steps "
+            "line 37: the error does not close over the revolution: from the last line to the first it steps "
             "35 times as far as anywhere else"),
         (lines_of([*WHOLE, 360.0], [*SINE, 0.6]),
-            "line 38: the error does not close over the revolution: from the last to the first it steps"),
+            "line 38: the error does not close over the revolution: from the last line to the first it "
+        "steps"),
     ],
 )  # fmt: skip
 def test_a_mistake_names_its_line(tmp_path: Path, text: str, problem: str) -> None:

@@ -160,7 +160,10 @@ def test_a_torque_constant_of_block_commutation_is_to_be_deleted(
     """
     magnet = 'psi_f = "68 mWb"'
     both = studies.BASE.replace(magnet, f'K_t = "0.408 N*m/A"\n{word} = "{text}"')
-    why = "K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"
+    why = (
+        "K_t = 1/kv holds for block commutation, with sinusoidal currents K_t is sqrt(3)/2 of that: "
+        "delete K_t"
+    )
     path = studies.write(tmp_path, both)
     assert refused(path) == f'motor.{word}: "{text}": expected K_t and {word} to agree within 5%; {why}'
     study = load(studies.write(tmp_path, studies.BASE.replace(magnet, f'{word} = "{text}"')))

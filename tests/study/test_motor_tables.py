@@ -187,7 +187,7 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
             'file: "table.csv": expected a mean of zero, not 1.36 of the rms: '
             "is friction or an offset in it?"),
         ("cogging_table", lambda theta: 1e-3 * NOISE, {"sign": "on-rotor"},
-            'file: "table.csv": expected at most 48 orders that leave 2% of the rms, it takes '),
+            'file: "table.csv": expected at most 48 orders that leave 2% of the rms, the table takes '),
         ("back_emf_table", phase_voltage, {"between": "phase", "speed": "10 rad/s"},
             'file: "table.csv": line 1: "angle [deg],torque [mN*m]": '
             'expected one column such as "voltage [V]"'),

@@ -115,7 +115,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("motor.temperature", {"winding": "-300 degC"},
             'motor.temperature.winding: "-300 degC": expected -273.15 degC or more'),
         ("motor.temperature", {"winding": "90 degC", "flux_coefficient": "-0.02 1/K"},
-            'motor.temperature.flux_coefficient: "-0.02 1/K": expected one that leaves something at 90 degC'),
+            'motor.temperature.flux_coefficient: "-0.02 1/K": expected a coefficient that leaves a '
+        'positive value at 90 degC'),
         ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
             "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
             "motor.temperature.heating: expected larger capacities, since a temperature changes within "
@@ -169,7 +170,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.load_side",
             {**SIDE, "gear_errors": [{"side": "input", "order": 100, "angle": "10 mrad"}]},
             'mechanics.load_side.gear_errors: [{ side = "input", order = 100, angle = "10 mrad" }]: '
-            "expected smaller ones: the gear's output would turn back"),
+            "expected smaller errors: with these the gear's output would turn back"),
         ("drive.position_sensor", {"kind": "ideal", "side": "load"},
             'drive.position_sensor.side: "load": expected "motor", since there is no mechanics.load_side'),
         ("mechanics",
@@ -186,7 +187,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'mechanics.friction_harmonics: [{ order = 1, torque = "1 N*m" }]: expected amplitudes of 0 N*m '
             "or less together, so that friction is nowhere below zero"),
         ("mechanics.friction_table", {"angle": ["0 deg", "90 deg"], "torque": ["0 N*m", "-1 N*m"]},
-            "mechanics.friction_table: expected no more below zero than coulomb_friction is above"),
+            "mechanics.friction_table: expected torques that nowhere make coulomb_friction plus the "
+        "table negative"),
         ("mechanics.friction_table", {"file": "nowhere.csv"},
             'mechanics.friction_table.file: "nowhere.csv": expected a readable file at nowhere.csv'),
         ("metric", [{**METRIC, "signal": "omega_load"}],
@@ -524,7 +526,7 @@ def test_what_the_simulation_can_just_do(
         ({"mechanics.load_side": {**SIDE, "ratio": 1.5},
           "drive.position_sensor": {"kind": "ideal", "side": "load"}, "drive.rates.integration_steps": 20},
             'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not whole: '
-            "the load's angle would not tell the motor's"),
+            "the load's angle does not determine the motor's"),
         ({"drive.rates.position_loop": "1 kHz"},
             "drive.rates: expected either speed_loop or, in trials, position_loop"),
         ({"controller.h": {"law": "harmonic", "base": 24, "kp": "0.02 A*s/rad", "ki": "1 A/rad",
@@ -538,8 +540,8 @@ def test_what_the_simulation_can_just_do(
         ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"] * 2, "correlation": 0.5}]}},
             'vary.together.0.keys: ["motor.R_s", "motor.R_s"]: expected two or more different keys'),
         ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD], "correlation": -0.51}]}},
-            "vary.together.0.correlation: -0.51: expected -0.5 or more, since no 3 values can all be "
-            "less alike"),
+            "vary.together.0.correlation: -0.51: expected -0.5 or more, since no 3 values can have a "
+        "lower correlation with each other"),
         ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD][:2], "correlation": -1.0},
                                           {"keys": [*SPREAD][1:], "correlation": 0.5}]}},
             'vary.together.1.keys.0: "motor.L_d": expected a key that is in no other group'),

@@ -291,7 +291,9 @@ def _source(
         current = adapter.read_table(source, configuration)
         return current, TableFrame(to, zero=to == from_ or target.own_angle, lacking=unknown)
     if not source.exists():
-        raise StudyError(f"{source}: no such file or folder: expected a folder of cogless identify, or a map")
+        raise StudyError(
+            f"{source}: no such file or folder: expected a folder of cogless identify, or a stored map"
+        )
     if not source.is_dir():
         return holding_current.from_stored_map(source), TableFrame(to, zero=target.own_angle, lacking=unknown)
     current = holding_current.from_identified(source)

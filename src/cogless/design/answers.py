@@ -100,7 +100,7 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
     if not law.learned:
         return None
     if not law.learns:
-        return Answer("no", "it learned before the run, and doesn't learn in it")
+        return Answer("no", "it learned before the run, and does not learn during the run")
     if design.certificate is not None:
         return _certified(study, name, design.certificate)
     if verdict is None:
@@ -135,8 +135,11 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     if bad.snaps is not None:
         return Answer("no", f"no, because {bad.snaps}")
     if bad.gamma <= 0:
-        return Answer("no", f"no, because at {at} not all orders need converge where the inertia is 50 % off")
-    return Answer("no", f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
+        return Answer("no", f"no, because at {at} some orders may not converge if the inertia is 50 % off")
+    return Answer(
+        "no",
+        f"no, because at {at} the orders together settle only with learning rates up to {bad.most:.3g} 1/s",
+    )
 
 
 def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> tuple[AnswerVerdict, str]:
@@ -153,11 +156,13 @@ def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> t
         learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
         compared = f"it leaves {learned} of ripple, feedback alone {alone}"
         by = max(parts, key=lambda part: parts[part])
-        answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most is by {by}"
+        answer = (
+            f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most of it comes from {by}"
+        )
         return "not worth it", answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
     if coarse is None:
         return "yes", settles
-    return "not sure", f"not sure: {_too_coarse(study, coarse)}; a run tells. By small signals {settles}"
+    return "not sure", f"not sure: {_too_coarse(study, coarse)}; a run shows it. For small signals {settles}"
 
 
 def _too_coarse(study: Study, coarse: Remaining) -> str:

@@ -315,6 +315,6 @@ ODRIVE = Adapter(
     write_script=write_script,
     law="Odrive",
     gains=lambda path: gains(read_configuration(path, "0")),
-    refusal="firmware 0.5 lets its map be read and not written; 0.6 documents no way to either; --to csv or "
+    refusal="firmware 0.5 allows reading its map, but not writing it; 0.6 documents neither; --to csv or "
     "--to c writes a table for code of your own",
 )

@@ -275,13 +275,13 @@ def outcome_lines(tuned: Tuned) -> list[str]:
         for knob in tuned.subject.knobs
     ]
     count = tuned.sweep_after.ensemble.count
-    worth = f"{name}: {100 * after.value:.1f} % of what it was, over {count} fresh variants"
+    worth = f"{name}: {100 * after.value:.1f} % of its value before, over {count} fresh variants"
     if before.violation or after.violation:
         worth += (
             f"; limits missed by {100 * before.violation:.1f} % before, {100 * after.violation:.1f} % now"
         )
     if not tuned.adopted:
-        worth += "; no better, so the values stay as they were"
+        worth += "; this is no better, so the values stay as they were"
     return [worth, *changes]
 
 

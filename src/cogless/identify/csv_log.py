@@ -54,7 +54,9 @@ def _blocks(path: Path) -> Iterator[list[str]]:
             require_bytes(path, size)
             *lines, begun = (begun + text).split("\n")
             if len(begun) > BLOCK_CHARACTERS:
-                raise StudyError(f"{path}: a line of {len(begun)} characters or more: expected rows")
+                raise StudyError(
+                    f"{path}: a line of {len(begun)} characters or more: expected rows of numbers"
+                )
             if lines:
                 yield lines
         if begun:

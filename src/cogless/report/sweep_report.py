@@ -84,7 +84,8 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
     details = [f"{failed} runs failed; sweep.parquet has their errors."] if failed else []
     if not limited:
         details.append(
-            "No metric has a limit; with one (limit = ... in its table) the share that keeps it is told."
+            "No metric has a limit; with limit = ... in a metric's table, the share of variants that "
+            "keep it is told."
         )
     return ScenarioVerdict(
         scenario, _tone(results, limited), _headline(results, runs, limited), details, parts

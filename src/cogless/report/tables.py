@@ -98,7 +98,7 @@ REST_SPEED_MOST = 1e-9  # rad/s; below this reference the drive holds its positi
 
 DELAY_NOTE = (
     "Over the last part of the run, from {:.4g} to {:.4g} s. Jitter is about the mean. Torque ripple is "
-    "(max \u2212 min) / (max + min). What is measured is what the law sees, what is true what the load sees."
+    "(max \u2212 min) / (max + min). The law sees the measured values, the load the true ones."
 )
 
 

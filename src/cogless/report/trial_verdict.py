@@ -379,10 +379,12 @@ def _certificates(c: Case) -> list[str]:
         f"{c.labels(names)} {_are(names)} not certified: {reason}." for reason, names in uncertified.items()
     ]
     sentences += [
-        f"Of {c.labels(names)} the certificate doesn't speak: {reason}." for reason, names in outside.items()
+        f"Of {c.labels(names)} the certificate says nothing: {reason}." for reason, names in outside.items()
     ]
     if refuted:
-        sentences.append(f"The models certify {c.labels(refuted)}, but this run does not: the run counts.")
+        sentences.append(
+            f"The models certify {c.labels(refuted)}, but this run contradicts them: the run counts."
+        )
     for (model, plants), names in proven.items():
         sentences.append(
             f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "

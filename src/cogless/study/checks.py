@@ -38,7 +38,7 @@ def faults(study: Study | TrialStudy) -> None:
             if drive is None or motor is None:
                 raise invalid("expected none, of a drive", "scenario", name, "faults")
             if drive.ideal and isinstance(fault, CurrentFault | BusFault):
-                expected = "expected a fault of the angle: an ideal current loop measures no more"
+                expected = "expected a fault of the angle: an ideal current loop measures nothing else"
                 raise invalid(expected, *where, "kind")
             measured = "ab" if motor.phases == 2 or drive.current_sensors.sensors == 2 else "abc"
             if isinstance(fault, CurrentFault) and fault.phase not in measured:
@@ -166,7 +166,7 @@ def sensor_side(study: Study | TrialStudy) -> None:
         raise invalid('expected "motor", since there is no mechanics.load_side', *key)
     if study.mechanics.ratio % 1:
         expected = f'expected "motor", since the ratio {study.mechanics.ratio:g} is not whole'
-        raise invalid(f"{expected}: the load's angle would not tell the motor's", *key)
+        raise invalid(f"{expected}: the load's angle does not determine the motor's", *key)
 
 
 def calibration(study: StudyBase) -> None:

@@ -87,7 +87,8 @@ class AngleFile(Table):
             rest -= abs(c) ** 2
         if len(taken) > MOST_ORDERS:
             raise invalid(
-                f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, it takes "
+                f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, the table "
+                "takes "
                 f"{len(taken)}; or name them in orders",
                 *key,
                 "file",
@@ -306,7 +307,8 @@ def _block_commutated(by_word: Mapping[str, float], first: str, other: str) -> s
     if abs(by_word["K_t"] / by_word[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > FACTOR_TOLERANCE:
         return ""
     return (
-        "; K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"
+        "; K_t = 1/kv holds for block commutation, with sinusoidal currents K_t is sqrt(3)/2 of that: "
+        "delete K_t"
     )
 
 
