@@ -435,7 +435,8 @@ CASES: dict[str, list[Case]] = {
              left=0.5),
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA"}, "its motion and load"),
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA",
-                        "drive.current_reference.field_weakening": True}, "current and voltage there give"),
+                        "drive.current_reference.field_weakening": True}, "the limits of current and "
+        "voltage there allow"),
     ],
     "design.trials.gains._warnings": [
         trials(ilc(shift=2), "can grow", measure=growth, left=0.0),

@@ -330,10 +330,10 @@ def test_an_order_that_no_run_yields_keeps_the_runs(
     code, out, err = cogless(capsys, "run", study, "-o", tmp_path, *options)
     assert (code, err) == (0, "")
     row = next(line for line in out.splitlines() if line.startswith("speed: order 1 (electrical) ["))
-    assert row.count("under one turn") == 2 and "*" not in row
+    assert row.count("less than one turn") == 2 and "*" not in row
     results = json.loads((tmp_path / "results.json").read_text())
     assert [run["metrics"]["speed_rad_s"] for run in results["runs"]] == [[None] * 3] * 2
-    assert "under one turn" in (tmp_path / "report.html").read_text()
+    assert "less than one turn" in (tmp_path / "report.html").read_text()
 
 
 # A shell's background jobs ignore Ctrl-C, and so would what they start.

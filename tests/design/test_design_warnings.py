@@ -127,7 +127,7 @@ def test_orders_beyond_the_memory_have_no_base():
     far = my_motor(**{"motor.cogging.1.order": 521})
     assert notes(far, "harmonic") == [
         "controller.harmonic: it learns orders 2, 4 to 256, but the cogging has order 521; "
-        "no base learns all of it with 128 orders"
+        "no base learns all of the cogging with 128 orders"
     ]
 
 

@@ -89,7 +89,7 @@ def test_a_dump_among_the_logs_is_one_line(tmp_path: Path, capsys: pytest.Captur
     """As `cogless identify * --drive-config dump.cfg` names it."""
     log, dump = log_of("moteus", tmp_path), Moteus().dump(tmp_path / "dump.cfg")
     code, _, err = cogless(capsys, "identify", dump, log, "--drive-config", dump, "-o", tmp_path / "out")
-    line = f"{dump}: among the logs and in --drive-config: expected it in the latter only\n"
+    line = f"{dump}: among the logs and in --drive-config: expected only in --drive-config\n"
     assert (code, err) == (2, line)
 
 

@@ -282,7 +282,7 @@ MISTAKES = {
     ): 'tune.keys.controller.pi.kp: "0.06 V": expected a number with a unit like "A/rpm"',
     ('controller.pi.ki = ["0.05 A/rpm/s", "2 A/rpm/s"]', 'mechanics.coulomb_friction = ["0 N*m", "1 N*m"]'): (
         'tune.keys.mechanics.coulomb_friction: ["0 N*m", "1 N*m"]: '
-        "expected the key of a value that the study has, to begin with"
+        "expected the key of a value in the study, from which tuning begins"
     ),
     ("variants = 4", 'scenarios = ["high"]'): 'tune.scenarios: "high": expected one of low',
     ("variants = 4", 'hold = [{ metric = "x", limit = 1 }]'): 'tune.hold: "x": expected one of ripple, ',

@@ -159,7 +159,8 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
     with pytest.raises(StudyError) as caught:
         load_logs([path], loaded)
     assert str(caught.value) == (
-        f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes: "
+        f"{path}: current is 0.707 of the amplitude that a and b have, as if it were rms: expected peak "
+        "amperes: "
         "current with scale = 1.41421 in the file of columns"
     )
 
@@ -797,5 +798,5 @@ def test_a_decimal_comma_is_seen_beside_an_empty_cell(tmp_path):
     parts = known(tmp_path, "[columns]", '[columns]\npart = "part"')
     part = np.where(np.arange(ROWS) == 4, np.nan, 1.0)
     np.savez(tmp_path / "a.npz", **COLUMNS, part=part)
-    with pytest.raises(StudyError, match=r"a.npz: part: row 5: no number: expected that of a part$"):
+    with pytest.raises(StudyError, match=r"a.npz: part: row 5: no number: expected the number of a part$"):
         load_logs([tmp_path / "a.npz"], parts)

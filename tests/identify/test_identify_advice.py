@@ -460,7 +460,7 @@ def test_a_k_t_that_is_off_by_little_is_told_and_advises_nothing() -> None:
     for log in logs.values():
         log["u_q"] = 1.033 * log["u_q"]
     (line,) = [line for line in said(logs)[0] if line.startswith("The voltage says K_t")]
-    assert not isinstance(line, Advice) and "it is open which is right" in line
+    assert not isinstance(line, Advice) and "it is open which value is right" in line
 
 
 @pytest.mark.parametrize("shape", ["late", "soft", "direct"])

@@ -192,7 +192,7 @@ def test_units_of_datasheets_are_taken_in_a_study() -> None:
 def test_a_position_s_error_is_recorded_with_what_the_message_says() -> None:
     metric = {"metric.0.signal": "theta_error", "metric.0.unit": "deg"}
     message = refused(MY_MOTOR, metric)
-    expected = "expected another, or a controller such as harmonic with position = true"
+    expected = "expected another signal, or a controller such as harmonic with position = true"
     assert message == f'metric.0.signal: "theta_error": {expected}'
     own = {f"controller.harmonic.{key}": value for key, value in written(message).items()}
     study = load(MY_MOTOR, {**metric, **own, "scenario.slow.duration": "3 s", "metric.0.last": "1 s"})

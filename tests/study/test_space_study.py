@@ -410,14 +410,14 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
         ({"controller.pi": SPACE, "metric": [metric("P_t")]},
             'metric.0.signal: "P_t": expected a signal that a controller of this study has'),
         ({"metric": [metric("theta_error")]},
-            'metric.0.signal: "theta_error": expected another, or a controller such as harmonic with '
+            'metric.0.signal: "theta_error": expected another signal, or a controller such as harmonic with '
             "position = true"),
         ({"motor": STEP, "metric": [metric("i_c")]},
-            'metric.0.signal: "i_c": expected another, since the motor has two phases'),
+            'metric.0.signal: "i_c": expected another signal, since the motor has two phases'),
         ({**IDEAL, "metric": [metric("i_d")]},
-            'metric.0.signal: "i_d": expected another, since the current loop is ideal'),
+            'metric.0.signal: "i_d": expected another signal, since the current loop is ideal'),
         ({**IDEAL, "metric": [{"name": "m", "kind": "copper-loss"}]},
-            'metric.0.kind: "copper-loss": expected another, since the current loop is ideal'),
+            'metric.0.kind: "copper-loss": expected another kind, since the current loop is ideal'),
         ({**IDEAL, "metric": [], "trace": {"energy": True}},
             "trace.energy: true: expected false, since the current loop is ideal"),
         ({"motor": {**STEP, "L_1": "0.8 mH"}}, 'motor.L_1: "0.8 mH": expected less than L_0'),

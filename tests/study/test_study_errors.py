@@ -192,7 +192,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.friction_table", {"file": "nowhere.csv"},
             'mechanics.friction_table.file: "nowhere.csv": expected a readable file at nowhere.csv'),
         ("metric", [{**METRIC, "signal": "omega_load"}],
-            'metric.0.signal: "omega_load": expected another, or a table mechanics.load_side'),
+            'metric.0.signal: "omega_load": expected another signal, or a table mechanics.load_side'),
         ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "0 s"]: '
             "expected one or more values, each above the one before"),
@@ -285,9 +285,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'controller.fair.baseline: true: expected one baseline, already "pi"'),
         # metrics
         ("metric", [{**METRIC, "kind": "first-rms"}],
-            'metric.0.kind: "first-rms": expected another, since there are no trials'),
+            'metric.0.kind: "first-rms": expected another kind, since there are no trials'),
         ("metric", [{**METRIC, "signal": "temperature_winding"}],
-            'metric.0.signal: "temperature_winding": expected another, or a table motor.temperature'),
+            'metric.0.signal: "temperature_winding": expected another signal, or a table motor.temperature'),
         ("metric.0.window", [0.1, 1],
             'metric.0.window: ["0.1 s", "1 s"]: expected a window within the 0.4 s of scenario "low"'),
         ("metric.0.last", "0.1 s", 'metric.0.last: "0.1 s": expected one of window, last and event'),
@@ -652,7 +652,7 @@ def test_a_torque_and_a_speed_constant_that_disagree(tmp_path: Path, kv: str, wh
 
 def test_energies_are_recorded_on_request(tmp_path: Path) -> None:
     metric = {"name": "lost", "kind": "maximum", "signal": "energy_residual"}
-    expected = 'metric.0.signal: "energy_residual": expected another, or trace.energy = true'
+    expected = 'metric.0.signal: "energy_residual": expected another signal, or trace.energy = true'
     assert line_of(tmp_path, {"metric": [metric]}) == f"study.toml: {expected}"
     assert studies.study(tmp_path, {"metric": [metric], "trace": {"energy": True}}).trace.energy
 
@@ -666,7 +666,7 @@ def test_metrics_of_one_name_mean_the_same(tmp_path: Path) -> None:
 
 def test_chattering_needs_the_speed_loops_samples(tmp_path: Path) -> None:
     change = {"metric": [{"name": "m", "kind": "chattering"}], "trace.rate": "0.5 kHz"}
-    expected = 'metric.0.kind: "chattering": expected another, or a trace.rate of 1000 Hz or more'
+    expected = 'metric.0.kind: "chattering": expected another kind, or a trace.rate of 1000 Hz or more'
     assert line_of(tmp_path, change) == f"study.toml: {expected}"
 
 

@@ -154,7 +154,7 @@ def _beside_sensor(study: Study, speeds: Sequence[Remaining], settles: str) -> t
             "noise of the current sensors": little.noise,
         }
         learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
-        compared = f"it leaves {learned} of ripple, feedback alone {alone}"
+        compared = f"it leaves {learned} of ripple, its feedback alone {alone}"
         by = max(parts, key=lambda part: parts[part])
         answer = (
             f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most of it comes from {by}"

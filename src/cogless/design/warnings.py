@@ -332,7 +332,7 @@ def _idle_table(study: Study, scenario: str) -> str:
     if not fast:
         return "the reference never reaches omega_min"
     settles = f"its observer settles in {table.settling:.3g} s or more above omega_min"
-    return f"{settles}, the reference is there for {fast:.3g} s" if fast <= table.settling else ""
+    return f"{settles}, but the reference is above it for only {fast:.3g} s" if fast <= table.settling else ""
 
 
 def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:

@@ -216,7 +216,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     remarks = [remark for *_, lines in captures for remark in lines]
     if kind:
         remarks.append(
-            f"{configuration}: its anti-cogging map is on: the logged current has the map's in it."
+            f"{configuration}: its anti-cogging map is on: the logged current contains the current of "
+            "this map."
         )
     volts = [volt for _, _, volt, _ in captures if volt > 0]
     frame = TableFrame("odrive", zero=True, gains=gains(settings))

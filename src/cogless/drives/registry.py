@@ -168,7 +168,7 @@ def prepare(
     """
     if configuration in paths:
         raise StudyError(
-            f"{configuration}: among the logs and in --drive-config: expected it in the latter only"
+            f"{configuration}: among the logs and in --drive-config: expected only in --drive-config"
         )
     remarks = []
     if drive is None:

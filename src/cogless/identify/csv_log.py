@@ -304,7 +304,9 @@ class _Table:
         if not is_number(number) or (separator and not self.sure):
             where, cell = f"{self.path}: {name}: row {row}", printable(text)
             if seconds(text) is not None:
-                raise StudyError(f'{where}: "{cell}" is a time, the first row has none: expected a number')
+                raise StudyError(
+                    f'{where}: "{cell}" is a time of day, but the first row has a number: expected a number'
+                )
             how = " with a decimal point" if is_number_of_a_language(text) else ""
             raise StudyError(f'{where}: "{cell}": expected a number{how}')
         if not self.thousands and number != text.strip().replace(self.decimal, "."):

@@ -128,7 +128,7 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
     if parts and not any("i_q_ref" in part.log for part in parts):
         remarks.append(
             Advice(
-                f"Dead time disturbs the current at order {6 * poles}and cannot be told apart from the "
+                f"Dead time disturbs the current at order {6 * poles}, and cannot be told apart from the "
                 "current that the law asks for; record the current's reference"
                 " as i_q_ref.",
                 recording(signal="i_q_ref"),

@@ -130,7 +130,7 @@ def _parts(path: Path, log: LogColumns, identification: Identification) -> Itera
     if np.isnan(values).any():
         row = np.flatnonzero(np.isnan(values))[0] + 1
         raise StudyError(
-            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected that of a part"
+            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of a part"
         )
     parts = np.unique(values)
     if len(parts) > FILE_LOGS_MOST:
@@ -522,8 +522,9 @@ def _amplitudes_agree(where: str, signals: Columns, identification: Identificati
     if alike > IN_PROPORTION and abs(np.sqrt(2) * ratio - 1) < 1 - IN_PROPORTION:
         raise AdvisedError(
             Advice(
-                f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: "
-                f"expected peak amperes: {identification.columns['i_q'].name} with scale = 1.41421 "
+                f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as if it "
+                "were rms: expected peak amperes"
+                f": {identification.columns['i_q'].name} with scale = 1.41421 "
                 "in the file of columns",
                 {
                     "columns.i_q.scale": 1.41421,

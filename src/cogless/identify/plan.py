@@ -54,7 +54,7 @@ def reach(study: Study, torque: Callable[[float], float]) -> float:
     if missing(0.0) >= 0:
         raise StudyError(
             f"{_voltage(study)}: expected more: the plan's currents take "
-            f"{(missing(0.0) + available) / available:.3g} times that at rest"
+            f"{(missing(0.0) + available) / available:.3g} times this voltage at standstill"
         )
     return float(brentq(missing, 0.0, most))
 
@@ -102,7 +102,7 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
         if least > min(most / 3, with_load):
             raise StudyError(
                 f"{_voltage(study)}: expected more: cogging stops this rotor below {least / RPM:.3g} rpm, so "
-                f"the plan needs {3 * least / RPM:.3g} rpm, and the voltage reaches {most / RPM:.3g}"
+                f"the plan needs {3 * least / RPM:.3g} rpm, but the voltage reaches only {most / RPM:.3g}"
             )
         v = max(v, 1.5 * least)  # at most half of what the voltage reaches
         slow = loaded = least / v

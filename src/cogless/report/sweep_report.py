@@ -253,13 +253,14 @@ def _influences(sweep: Sweep, runs: Runs, column: Column) -> list[list[Influence
 def _influence_note(sweep: Sweep) -> str:
     sentences = [
         "Rank: Spearman's correlation of the key with the metric, -1 to 1. Alone: the share of the metric's "
-        "variance that the key explains by itself (first-order Sobol index, RBD-FAST); what the shares lack "
-        "of 1 is keys acting together, and noise."
+        "variance that the key explains by itself (first-order Sobol index, RBD-FAST); the rest to 1 "
+        "comes from keys acting together, and from noise"
+        "."
     ]
     count, least = sweep.ensemble.count, SOBOL_VARIANTS_LEAST
     few = f"{count} variants are too few for Sobol indices: expected {least} or more."
     if sweep.study.vary is not None and sweep.study.vary.together:
-        sentences.append("Keys that vary together share what they explain.")
+        sentences.append("Keys that vary together share the variance that they explain.")
     return note(" ".join(sentences)) + reservations(
         [few] if sweep.ensemble.count < SOBOL_VARIANTS_LEAST else []
     )

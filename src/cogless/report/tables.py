@@ -59,7 +59,7 @@ def term_tables(results: Results, runs: Sequence[Run]) -> str:
     tables = "".join(_terms(results, run) for run in runs)
     heading = note(
         f"RMS of each term of the current reference late in {runs[0].scenario}; the varying part is about "
-        "its mean, so it leaves out what only carries the load."
+        "its mean, so it leaves out the constant current that carries the load."
     )
     return heading + tables if tables else ""
 

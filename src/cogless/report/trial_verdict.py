@@ -339,7 +339,9 @@ def _held_back(c: Case) -> str:
     held_trials = {name: trials for name, trials in c.held_back.items() if trials}
     if not held_trials:
         return ""
-    return f"The guard holds learning back, since it left more error than before: {_trials(c, held_trials)}."
+    return (
+        f"The guard holds learning back, since learning had made the error larger: {_trials(c, held_trials)}."
+    )
 
 
 def _trials(c: Case, counts: Mapping[str, int]) -> str:

@@ -399,7 +399,7 @@ def _drive(
         stated = flag in request.numbers or "current-rate" in request.numbers
         section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
     if steps > 1:
-        section.put("integration_steps", steps, note="enough at the ends of the guesses, too")
+        section.put("integration_steps", steps, note="enough at both ends of the guessed ranges, too")
 
     section = sheet.section("[drive.current_loop]")
     bandwidth = current_rate * BANDWIDTH_SHARE

@@ -53,7 +53,7 @@ def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> Non
     if fault.duration * rate < 1 - 1e-9:
         raise invalid(f"expected {period}, or more", *where, "duration")
     if round(fault.time * rate) >= round(end * rate):
-        expected = f"expected a time before the scenario's {end:g} s by {period}, or more"
+        expected = f"expected a time {period}, or more before the scenario's end at {end:g} s"
         raise invalid(expected, *where, "time")
 
 
@@ -135,7 +135,8 @@ def feedback_under_guard(study: Study) -> None:
     for name, law in study.controller.items():
         if law.missing_feedback is not None:
             expected = (
-                "expected more than 0, the feedback that the guard compares with; or drive.guard = false"
+                "expected more than 0, since the guard compares with the feedback alone; or drive.guard "
+                "= false"
             )
             raise invalid(expected, "controller", name, law.missing_feedback)
 

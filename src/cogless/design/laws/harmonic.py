@@ -460,7 +460,7 @@ def _not_learned(study: Study, name: str) -> Remark | None:
     sentence = f"it learns {own_learner.order_words}, but the cogging has {orders}"
     needed = math.gcd(*cogging)
     if cogging[-1] > needed * HARMONIC_ORDERS:
-        return Remark(f"{sentence}; no base learns all of it with {HARMONIC_ORDERS} orders")
+        return Remark(f"{sentence}; no base learns all of the cogging with {HARMONIC_ORDERS} orders")
 
     def cured(other: Study) -> bool:
         return not _unlearned(other, name)[1]

@@ -605,7 +605,7 @@ def _together(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tup
     """The end of a message, and the change that it advises: a shift and a filter that are chosen together."""
     choice = _automatic(plant, law, settings)
     if choice is None:
-        return ("; with this feedback none makes it fast, though",)
+        return ("; with this feedback, though, no value makes learning fast",)
     of = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
     end = f', and a shift that suits it: q_filter = "auto" and shift = "auto" choose {of} and {choice.shift}'
     return end, dict(AUTOMATIC)

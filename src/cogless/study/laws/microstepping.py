@@ -112,7 +112,7 @@ def _wave(wave: Mapping[str, Any]) -> Wave:
 class Microstepping(Base):
     """Microstepping of a step motor without a sensor, with a correction of the angle by orders."""
 
-    NO_C_FORM: ClassVar[str] = "has its C in microstepping.h, without a drive around it"
+    NO_C_FORM: ClassVar[str] = "has its C code in microstepping.h, without a drive around it"
     NOT_ON_PAGE: ClassVar[str] = "it has no gains to try"
 
     open_loop: ClassVar[bool] = True
