@@ -81,8 +81,7 @@ def test_the_position_loop_of_a_rule_is_a_quarter_as_fast_as_the_speed_loop(tmp_
             'speed = "7.5 rpm" would do'),
         (12.0, K_THETA,
             "its calibration run in low records 65.4 ms after it turned around, not yet settled: the "
-        "table leaves "
-            "1.8 of the ripple; speed = \"7.5 rpm\" would do"),
+        "table leaves 1.8 of the ripple; speed = \"7.5 rpm\" would do"),
         (0.7, 2000.0,
             'its calibration run in low is unstable, at 61.1 Hz; position_gain = "18.8 1/s" would do'),
     ],

@@ -61,7 +61,9 @@ def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
     liu = learner(study("liu2018"), "harmonic")
     assert (liu.base, liu.orders, liu.fast) == (4, 36, 6)  # 12 slots, 8 poles
     path = studies.write(tmp_path)  # its motor doesn't tell
-    expected = r"motor\.slots: missing: expected their number, or controller\.harmonic\.base, for the orders"
+    expected = (
+        r"motor\.slots: missing: expected the number of slots, or controller\.harmonic\.base, for the orders"
+    )
     with pytest.raises(StudyError, match=expected):
         load(path, studies.HARMONIC)
     by_hand = {**studies.HARMONIC["controller.harmonic"], "base": 2}

@@ -171,7 +171,10 @@ def test_missing_slots_are_refused_before_anything_runs(tmp_path):
     text = EXAMPLE.read_text(encoding="utf-8").replace("slots = 12\n", "")
     path = tmp_path / "study.toml"
     path.write_text(text, encoding="utf-8")
-    told = "motor.slots: missing: expected their number, or controller.harmonic.base, for the orders to learn"
+    told = (
+        "motor.slots: missing: expected the number of slots, or controller.harmonic.base, for the "
+        "orders to learn"
+    )
     with pytest.raises(StudyError) as error:
         load(path)
     assert str(error.value) == f"{path}: {told}"

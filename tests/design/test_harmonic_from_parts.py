@@ -458,8 +458,7 @@ def test_a_certificate_in_one_line() -> None:
     assert held.words() == (
         "orders 2, 4 to 6; at 10 rpm orders to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
         "off (Re Gamma 0.66 or more), orders to 4 with one more sample of delay; at 200 rpm orders to 4 "
-        "learn at "
-        "5 1/s, settle at rates to 12.3 1/s and may not all converge with b 50 % off "
+        "learn at 5 1/s, settle at rates to 12.3 1/s and may not all converge with b 50 % off "
         "(Re Gamma -0.10 or more), orders to 2 with one more sample of delay, 2 held; "
         "holds orders from 1.59 to 3.18 and from 15.9 to 100 Hz; learns at up to 300 rpm; "
         "an eccentric sensor's error at up to 50 rpm"

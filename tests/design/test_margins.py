@@ -172,9 +172,7 @@ def test_a_certificate_in_one_line() -> None:
         "with b 50 % off (Re Gamma 0.39 or more), orders to 36 with one more sample of delay; at 600 rpm "
         "orders to "
         "12 learn at 7 1/s, settle at any rate and converge with b 50 % off (Re Gamma 0.50 or more), "
-        "orders to 6 "
-        "with one more sample of delay, 2 held, 24 to 30; "
-        "learns at up to 3000 rpm"
+        "orders to 6 with one more sample of delay, 2 held, 24 to 30; learns at up to 3000 rpm"
     )
     assert certificate(speeds=()).words() == "not judged: no reference turns order 48 by 0.001 rad a sample"
     one = (Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(24,), rate=2.0, most=None),)
@@ -182,10 +180,8 @@ def test_a_certificate_in_one_line() -> None:
     more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.words() == (
         "orders 6, 12 to 48; at 60 rpm orders to 42 learn at 2 1/s, settle at any rate and converge with "
-        "b 50 "
-        "% off (Re Gamma 0.39 or more), orders to 36 with one more sample of delay, 24 held; holds "
-        "orders from 100 "
-        "to 200 and from 300 "
+        "b 50 % off (Re Gamma 0.39 or more), orders to 36 with one more sample of delay, 24 held; holds "
+        "orders from 100 to 200 and from 300 "
         "to 400 Hz; learns at up to 3000 rpm; an eccentric sensor's error at up to 30 rpm"
     )
     bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held=(), rate=2.0, most=None)

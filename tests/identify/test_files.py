@@ -160,8 +160,7 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
         load_logs([path], loaded)
     assert str(caught.value) == (
         f"{path}: current is 0.707 of the amplitude that a and b have, as if it were rms: expected peak "
-        "amperes: "
-        "current with scale = 1.41421 in the file of columns"
+        "amperes: current with scale = 1.41421 in the file of columns"
     )
 
 
@@ -497,7 +496,7 @@ def test_columns_that_are_no_log_are_refused(tmp_path, name, columns, said):
         ("A.CSV.GZ", b"x\n1\n", ": expected a readable CSV file"),
         ("a.mat", b"text" * 40, ": expected a readable MAT file"),
         ("a.parquet", b"text" * 40, ": expected a readable Parquet file"),
-        ("a.mf4", b"text" * 40, ": it does not begin as MDF 4 does: expected a readable MDF4 file"),
+        ("a.mf4", b"text" * 40, ": it does not begin like an MDF 4 file: expected a readable MDF4 file"),
         ("a.nc", b"text" * 40, ": expected a readable netCDF file"),
     ],
 )
@@ -766,7 +765,7 @@ def test_a_column_that_ends_before_the_log_is_told_with_its_time(tmp_path):
     (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "current": current})
     assert len(log) == ROWS - 401
     assert log.remarks == [
-        'a.npz: "current" ends at 0.599 s, the log at 0.999 s: it is used up to there.',
+        'a.npz: "current" ends at 0.599 s, the log at 0.999 s: the log is used up to there.',
         'a.npz: 1 rows lack a number (1 in "current") and are left out.',
         "a.npz: 1 gaps, the longest 0.002 s; the log is cut there.",
         "a.npz: the angle wraps 1 times, and is unwrapped.",

@@ -170,8 +170,7 @@ def test_inertia_that_is_not_larger_than_its_error_takes_friction_along(known: I
         assert set(made.values) == ({"j", *told} if kept else {"offset"})
         said = (
             "Inertia is not larger than its error, and without the inertia friction and delay cannot be "
-            "identified; add an "
-            "acceleration log."
+            "identified; add an acceleration log."
         )
         assert left == [said] * (not kept)
         assert made.left_out == tuple(left)
@@ -312,11 +311,11 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
     still = "one.csv: the rotor stands still"
     rest = "of the time, where friction is not known"
     assert findings._sticks(known, log(theta=slips)) == (
-        f"{still} 77 % {rest}: it sticks, and slips at 20 rev/s; record it at that speed or faster, with "
+        f"{still} 77 % {rest}: the rotor sticks and slips at 20 rev/s; record at this speed or faster, with "
         "1500 rows a second or more, or with more feedback."
     )
     slow = findings._sticks(known, log(theta=slips / 10))
-    assert slow is not None and "slips at 2 rev/s; record it at that speed or faster, with 1000 rows" in slow
+    assert slow is not None and "slips at 2 rev/s; record at this speed or faster, with 1000 rows" in slow
     for rows, sticks in ((310, True), (210, False)):
         said = findings._sticks(known, log(theta=slips[:rows], rows=rows))
         assert said is not None and ("it sticks" in said) == sticks
@@ -354,7 +353,7 @@ def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) ->
     taken = "With the bridge off the phase currents show 0, 0, -0 mA; this is taken out of i_q."
     turned = (
         "off.csv: only the currents' offsets are from this log: with the bridge off it is not known what "
-        "turns the rotor; if nothing turns it, make the log's kind coast-down."
+        "turns the rotor; if nothing turns it, give the log the kind coast-down."
     )
     for turns, said in ((0.0, [taken]), (0.99, [taken]), (1.01, [taken, turned])):
         off = log("off.csv", "bridge-off", theta=turns * TURN * np.linspace(0, 1, 2000), **currents)
@@ -382,7 +381,7 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
     bare = turning(0.5)
     del bare.signals["i_q"]
     assert findings.usable(plain, [bare])[1] == [
-        "one.csv: no current: torque is not known; record i_q, or say that the log is a coast-down."
+        "one.csv: no current: torque is not known; record i_q, or give the log the kind coast-down."
     ]
     for rate, turns in ((200.0, 1.01), (50.0, 0.99), (20_000.0, 3.0)):
         speed = turns * TURN * 200 / 8 / 24

@@ -96,7 +96,7 @@ def test_a_rotor_that_sticks_is_told_with_the_speed_at_which_it_would_not(tmp_pa
     slipping = {key: np.interp(late, log["t"], log[key]) for key in ("theta", "omega")}
     made = told(tmp_path, text, changed(logs, "one-speed", **slipping))
     (line,) = (line for line in made.remarks if line.startswith("one-speed.npz: the rotor stands still"))
-    assert "it sticks, and slips at" in line
+    assert "the rotor sticks and slips at" in line
     speed, rows = re.findall(r"at ([\d.]+) rev/s.* with (\d+) rows a second", line)[0]
     assert float(speed) == pytest.approx(2, rel=0.2)
     assert float(rows) == pytest.approx(max(1000, 3 * 24 * float(speed)), rel=0.06)  # order 6 p in sight

@@ -436,8 +436,7 @@ def test_an_engine_that_was_not_compiled_is_told_before_any_run(
         run_study(studies.study(tmp_path, {"drive.precision": "double"}), ["low/pi"])
     assert line(error, tmp_path) == (
         "study.toml: its control laws compute in double precision, and cogless was built without the "
-        "double-precision engine;"
-        " `make build` adds it"
+        "double-precision engine; `make build` adds it"
     )
 
 

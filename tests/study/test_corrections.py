@@ -252,7 +252,7 @@ def test_a_table_is_filled_once() -> None:
         (
             'law = "harmonic"',
             "",
-            "controller.harmonic.law: missing: expected a law, one of those of cogless list",
+            "controller.harmonic.law: missing: expected a law that cogless list shows",
         ),
         ('law = "pi"', "law = pi", ': "law = pi": expected a text in quotes, or a number without a unit'),
         ("[[metric]]", "[metric]", ": expected an array of tables, [[metric]]"),

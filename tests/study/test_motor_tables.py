@@ -176,7 +176,7 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
     ("key", "of", "keys", "line"),
     [
         ("cogging_table", cogging, {"sign": "on-rotor", "peak": "10.2 mN*m"},
-            'peak: "10.2 mN*m": expected 0.005242 N*m or so, as the table has; '
+            'peak: "10.2 mN*m": expected about 0.005242 N*m, as the table has; '
             "peak and peak to peak differ by 2"),
         ("cogging_table", cogging, {"sign": "on-rotor", "current_peak": "1 A"},
             'current_peak: "1 A": expected peak, since the table has a torque'),
@@ -217,7 +217,7 @@ def test_mistakes_are_one_line(
         (
             lambda theta: np.sin(4 * theta),
             {"peak": "2 V"},
-            "peak: expected 1 V or so, as the table has; peak",
+            "peak: expected about 1 V, as the table has; peak",
         ),
         (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected 2 V or so"),
         (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
@@ -279,7 +279,7 @@ def test_a_stated_peak_agrees_with_the_table_within_five_percent(
     if why is None:
         assert star({**of, "peak": peak}).cogging[0].torque == pytest.approx(1e-3)
     else:
-        with pytest.raises(ValueError, match=rf"expected 0\.001 N\*m or so, as the table has{why}(?!;)"):
+        with pytest.raises(ValueError, match=rf"expected about 0\.001 N\*m, as the table has{why}(?!;)"):
             star({**of, "peak": peak})
 
 

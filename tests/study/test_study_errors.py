@@ -242,7 +242,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [6.5]},
             "controller.afc.orders.0: 6.5: expected a whole number"),
         ("controller.pi", {"kp": 1},
-            "controller.pi.law: missing: expected a law, one of those of cogless list"),
+            "controller.pi.law: missing: expected a law that cogless list shows"),
         ("controller.fair.kp", 1,
             "controller.fair: expected either kp and ki or tuning, such as "
             '{ rule = "phase-margin", phase_margin = "60 deg" }'),

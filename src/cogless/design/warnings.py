@@ -378,8 +378,7 @@ def shaft_notes(study: Study) -> list[str]:
     gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
     return [
         f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; tuning rules take "
-        "both masses as one, the margins include the shaft"
-        f"{', its gap closed' if gap else ''}"
+        f"both masses as one, the margins include the shaft{', its gap closed' if gap else ''}"
     ]
 
 

@@ -84,8 +84,7 @@ def read_runs(paths: Sequence[Path], axis: Axis) -> dict[tuple[Direction, int], 
         if name is None:
             raise StudyError(
                 f"{path}: the file's name tells no run: expected a name with "
-                f"cogless-{axis.motor}-forward-plain-1, as "
-                "--plan makes it"
+                f"cogless-{axis.motor}-forward-plain-1, as --plan makes it"
             )
         if name[1] != axis.motor:
             raise StudyError(f"{path}: a run of motor {name[1]}: expected one of motor {axis.motor}")

@@ -350,14 +350,12 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
     if laid is None or laid.spread > OVERLAY_SPREAD:
         raise StudyError(
             f"{log.path}: {name} and position do not move alike: expected both channels from the same "
-            "log of the same drive"
-            f", and the dump of this drive, {dump.path}"
+            f"log of the same drive, and the dump of this drive, {dump.path}"
         )
     signals["theta"] = theta + laid.offset
     remark = (
         f"{log.name}: the table's index is placed on the logged position, with an offset of "
-        f"{math.degrees(laid.offset):.2f} +- "
-        f"{math.degrees(laid.error):.2g} deg."
+        f"{math.degrees(laid.offset):.2f} +- {math.degrees(laid.error):.2g} deg."
     )
     frame = TableFrame("moteus", laid.direction, zero=True, zero_error=laid.error)
     return replace(recording, remarks=remarks), frame, [remark]

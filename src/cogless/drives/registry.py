@@ -176,8 +176,7 @@ def prepare(
         if match is None:
             raise StudyError(
                 f"{paths[0]}: its first lines fit no known drive: expected --config FILE that names the "
-                "columns, or --drive NAME, one of"
-                f" {able_drives('--drive')}"
+                f"columns, or --drive NAME, one of {able_drives('--drive')}"
             )
         adapter, kind = match
         remarks.append(f"{paths[0].name}: by its first lines {adapter.title}, {kind}.")

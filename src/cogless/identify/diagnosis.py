@@ -129,8 +129,7 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
         remarks.append(
             Advice(
                 f"Dead time disturbs the current at order {6 * poles}, and cannot be told apart from the "
-                "current that the law asks for; record the current's reference"
-                " as i_q_ref.",
+                "current that the law asks for; record the current's reference as i_q_ref.",
                 recording(signal="i_q_ref"),
             )
         )

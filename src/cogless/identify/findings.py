@@ -93,7 +93,7 @@ def _said_of_bridge_off(identification: Identification, log: Log) -> list[str]:
         return [
             Advice(
                 f"{log.name}: only the currents' offsets are from this log: with the bridge off it is "
-                "not known what turns the rotor; if nothing turns it, make the log's kind coast-down.",
+                "not known what turns the rotor; if nothing turns it, give the log the kind coast-down.",
                 recording(kind="coast-down", log=log.name),
             )
         ]
@@ -111,7 +111,7 @@ def _unusable(identification: Identification, log: Log) -> str | None:
     if "i_q" not in log and log.kind != "coast-down":
         return Advice(
             f"{log.name}: no current{heading(identification, 'i_q')}: torque is not known; "
-            "record i_q, or say that the log is a coast-down.",
+            "record i_q, or give the log the kind coast-down.",
             recording(signal="i_q", log=log.name),
             recording(kind="coast-down", log=log.name),
         )
@@ -149,7 +149,7 @@ def _sticks(identification: Identification, log: Log) -> str | None:
     needed = 6 * identification.motor.pole_pairs * slip / WAVE_RATE_SHARE
     rate = _up(max(needed, 1 / log.dt))
     return Advice(
-        f"{beginning}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
+        f"{beginning}: the rotor sticks and slips at {slip:.2g} rev/s; record at this speed or faster, with "
         f"{rate:.0f} rows a second or more, or with more feedback.",
         recording(speed=TURN * slip, rate=rate, log=log.name),
     )
@@ -243,7 +243,7 @@ def _exchanged(identification: Identification, log: Log) -> str | None:
     measured, reference = (identification.columns[name].name for name in ("i_q", "i_q_ref"))
     return Advice(
         f"{log.name}: {measured} comes before {reference}, which it should follow (correlation of their "
-        f"changes {before:.2g} a row before, {after:.2g} a row after): they look exchanged: "
+        f"changes {before:.2g} a row before, {after:.2g} a row after): the two look exchanged: expected "
         f'columns.i_q.name = "{reference}", columns.i_q_ref.name = "{measured}".',
         {"columns.i_q.name": reference, "columns.i_q_ref.name": measured},
     )
@@ -413,8 +413,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
         left_out.append(
             Advice(
                 "Inertia is not larger than its error, and without the inertia friction and delay cannot "
-                "be identified; add "
-                "an "
+                "be identified; add an "
                 "acceleration log.",
                 logs_of_kind("acceleration"),
             )
@@ -478,8 +477,7 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
     return [
         Advice(
             f"{log.name}: orders are seen up to {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest "
-            "speed; order"
-            f" {order} of the motor needs {needs}.",
+            f"speed; order {order} of the motor needs {needs}.",
             *cures,
         )
     ]

@@ -283,7 +283,7 @@ def _before_a_column_ends(
 
 def ended_early(channel: str, end: float, others: str, other_end: float) -> str:
     """What is said of a channel that ends before others of its log, each so many s after the start."""
-    return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: it is used up to there."
+    return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: the log is used up to there."
 
 
 def _complete(
@@ -390,8 +390,7 @@ def _without_bursts(name: str, t: Array, signals: Columns, remarks: list[str]) -
         return t
     remarks.append(
         f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as packets give; they "
-        "are taken as evenly spaced, "
-        f"{1e3 * slope:.4g} ms apart."
+        f"are taken as evenly spaced, {1e3 * slope:.4g} ms apart."
     )
     return np.asarray(start + slope * np.arange(len(t)) + np.repeat(lost, np.diff(first, append=len(t))))
 
@@ -456,8 +455,7 @@ def _timed(
                 )
             raise StudyError(
                 f"{jumps}rows are before the jump: expected {TIMED_ROWS_LEAST} or more of an encoder's "
-                "angle, "
-                "not one of Hall sensors"
+                "angle, not one of Hall sensors"
             )
         t, signals = t[:whole], {signal: values[:whole] for signal, values in signals.items()}
         _units_agree(where, t, signals, identification)
@@ -523,8 +521,7 @@ def _amplitudes_agree(where: str, signals: Columns, identification: Identificati
         raise AdvisedError(
             Advice(
                 f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as if it "
-                "were rms: expected peak amperes"
-                f": {identification.columns['i_q'].name} with scale = 1.41421 "
+                f"were rms: expected peak amperes: {identification.columns['i_q'].name} with scale = 1.41421 "
                 "in the file of columns",
                 {
                     "columns.i_q.scale": 1.41421,

@@ -205,8 +205,7 @@ def _of_k_t(identification: Identification, measured: Value) -> str:
     if abs(measured.value - described) <= K_T_DIFFERENCE * described + measured.error:
         return (
             f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, have the "
-            "same effect, so it is open which value is right"
-            "; all torques are in proportion to it."
+            "same effect, so it is open which value is right; all torques are in proportion to it."
         )
     if measured.value <= 2 * measured.error:
         return f"{says}: the signs of u_q, of i_q and of the angle do not fit each other."

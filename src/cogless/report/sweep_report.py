@@ -254,8 +254,7 @@ def _influence_note(sweep: Sweep) -> str:
     sentences = [
         "Rank: Spearman's correlation of the key with the metric, -1 to 1. Alone: the share of the metric's "
         "variance that the key explains by itself (first-order Sobol index, RBD-FAST); the rest to 1 "
-        "comes from keys acting together, and from noise"
-        "."
+        "comes from keys acting together, and from noise."
     ]
     count, least = sweep.ensemble.count, SOBOL_VARIANTS_LEAST
     few = f"{count} variants are too few for Sobol indices: expected {least} or more."

@@ -154,7 +154,10 @@ def slots(study: Study) -> None:
     if missing:
         keys = " and ".join(f"controller.{name}.base" for name in missing)
         raise invalid(
-            f"expected their number, or {keys}, for the orders to learn", "motor", "slots", value="missing"
+            f"expected the number of slots, or {keys}, for the orders to learn",
+            "motor",
+            "slots",
+            value="missing",
         )
 
 

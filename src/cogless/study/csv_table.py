@@ -233,8 +233,7 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
     if step > SEAM_RATIO * largest:
         raise invalid(
             f"line {last}: the {name} does not close over the revolution: from the last line to the "
-            "first it steps"
-            f" {step / largest if largest else math.inf:.3g} times as far as anywhere else",
+            f"first it steps {step / largest if largest else math.inf:.3g} times as far as anywhere else",
             "file",
         )
     if span > TURN * (1 - 1e-6):

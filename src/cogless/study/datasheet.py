@@ -88,8 +88,7 @@ class AngleFile(Table):
         if len(taken) > MOST_ORDERS:
             raise invalid(
                 f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, the table "
-                "takes "
-                f"{len(taken)}; or name them in orders",
+                f"takes {len(taken)}; or name them in orders",
                 *key,
                 "file",
             )
@@ -106,7 +105,7 @@ class AngleFile(Table):
                 math.isclose(stated, factor * size, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
             )
             why = "; peak and peak to peak differ by 2" if twice else ""
-            raise invalid(f"expected {size:.4g} {unit} or so, as the table has{why}", key)
+            raise invalid(f"expected about {size:.4g} {unit}, as the table has{why}", key)
 
 
 def _folder(info: ValidationInfo) -> Path:

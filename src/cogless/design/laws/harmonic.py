@@ -230,8 +230,7 @@ class Certified:
         swings = f" (uncertain: the feedback alone lets the speed swing by {100 * self.swing:.0f} % rms)"
         return (
             f"at {self.omega_m / RPM:.4g} rpm orders to {self.acting} learn at {self.rate:.3g} 1/s, "
-            "settle at "
-            f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
+            f"settle at {'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
             f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
             f"(Re Gamma {self.gamma:.2f} or more), orders to {self.late} with one more sample of delay"
             f"{_held_words(self.held)}{slow}{swings if self.swing > STALLING_RATIO else ''}"

@@ -107,8 +107,7 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
         where = worst if worst.imag else worst.real
         raise DesignError(
             f"feedforward: expected false: the zero at z = {where:.4g} can't be cancelled, and an "
-            "uncancelled zero makes the feedforward amplify up to"
-            f" {loudest:.3g} times"
+            f"uncancelled zero makes the feedforward amplify up to {loudest:.3g} times"
         ).advising({"feedforward": False})
     num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
     zeros_left, preview = tuple(complex(zero) for zero in uncancellable), r + len(uncancellable)

@@ -26,8 +26,7 @@ NO_GAIN = 5e-5  # largest K_3 below which the table says "none", because it woul
 
 LEGEND = (
     "along the trial: the loop's largest pole; one more sample: the same with one more sample of delay "
-    "at the "
-    "input;\nfrom trial to trial: no frequency of the error grows by more than this factor, over "
+    "at the input;\nfrom trial to trial: no frequency of the error grows by more than this factor, over "
     "vertices and "
     "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one;\n"
     "norm, power: of a whole trial's map of the learned signal, and the largest of its powers;\n"
