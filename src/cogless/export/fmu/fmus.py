@@ -264,7 +264,8 @@ def _places(variables: list[Variable], last: int) -> str:
         "// Declarations of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"
         '#include "value.hpp"\n\n'
         "cogless::Value description();\n\n"
-        "// The encoder table that the drive learned before; empty without one.\nstd::vector<double> taught();\n\n"
+        "// The encoder table that the drive learned before; empty without one.\n"
+        "std::vector<double> taught();\n\n"
         "// Value references; 0 where there is no such variable.\n"
         f"{places(variables, REFERENCE_CONSTANTS | {'FMU_FIRST_SIGNAL': first_signal})}\n"
         f"constexpr std::int64_t FMU_LAST_TICK = {last};  // when the trials are over; 0 without trials\n"

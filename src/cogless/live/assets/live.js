@@ -194,12 +194,12 @@
     field.addEventListener("change", () => {
       const leftOut = comma && !field.value.includes(".");
       comma = false;
-      if (leftOut) notes.set(key.key, `Expected a point for a comma. It stays at ${value(key)}.`);
+      if (leftOut) notes.set(key.key, `Expected a decimal point in place of the comma. The value stays at ${value(key)}.`);
       else if (Number.isFinite(field.valueAsNumber)) {
         begin();
         set(key, field.valueAsNumber);
         dragging = false;
-      } else notes.set(key.key, `Expected a number. It stays at ${value(key)}.`);
+      } else notes.set(key.key, `Expected a number. The value stays at ${value(key)}.`);
       refresh();
     });
     const note = make("p", row, "", "bounds");
