@@ -313,7 +313,7 @@ CASES: dict[str, list[Case]] = {
         Case(TELESCOPE, SLOW_SKY, "coasts from count to count", left=0.3, cures=2),
         *(
             Case(MY_MOTOR, {**HALLS, "controller.pi": {"law": "pi", "kp": kp, "ki": 4 * kp}},
-                 "leaves nothing of", left=0.1, cures=cures)
+                 "leaves none of the", left=0.1, cures=cures)
             for kp, cures in ((0.012, 2), (0.02, 1))
         ),
         # No slower feedback is advised here: it leaves more of the cogging than it saves of the counts.

@@ -187,8 +187,11 @@ def test_the_encoders_own_angle_is_that_of_the_configuration(
     position, encoder = 75.0, 105.0 if not inverted else -105.0
     own = frame.encoder_direction * position + np.degrees(frame.encoder_shift)
     assert frame.zero and own == pytest.approx(encoder) and frame.pole_pairs == PAIRS
-    for change, message in (("<p_pid_ang_div>4</p_pid_ang_div>", "p_pid_ang_div: expected 1"), ("", "")):
+    for change, message in (
+        ("<p_pid_ang_div>4</p_pid_ang_div>", "p_pid_ang_div is not 1: expected 1"),
+        ("", ""),
+    ):
         config.write_text(XML.replace("</MCConf", change + "</MCConf"))
         assert message in read_logs([tmp_path / "a.csv"], config).frame.lacking
     without = read_logs([log(runs["accel"], tmp_path / "b.csv", encoder=False)], config).frame
-    assert not without.zero and "encoder_position that turns with erpm" in without.lacking
+    assert not without.zero and "encoder_position does not turn with erpm" in without.lacking
