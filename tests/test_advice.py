@@ -346,9 +346,9 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.unlearned.map_warning": [
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 100}, gain="0.2 A*s/rad")},
-             "a wave of order 24", "x"),
+             "per wave of order 24", "x"),
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 512}, gain="0.2 A*s/rad", q_half_width=10)},
-             "a wave of order 24", "x", cures=2),
+             "per wave of order 24", "x", cures=2),
     ],
     "design.laws.periodic.relay_warning": [
         Case("liu2018", {}, "its relay switches", "robust-ilc",

@@ -121,7 +121,7 @@ def test_the_sign_of_a_column_turns_it(tmp_path):
         ),
         (
             "i_q",
-            "no current{}: torque is not known; record i_q, or say that",
+            "no current{}: torque is not known; record i_q, or give",
         ),
     ],
 )
