@@ -76,8 +76,7 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
         assert said == (
             f"The voltage says {begins} +- 0.01 N*m/A; the file of columns has 0.3. Magnets that are 50 K "
             "warmer, or the gain of the voltage's measurement, have the same effect, so it is open which "
-            "value is right; all "
-            "torques are in proportion to it."
+            "value is right; all torques are in proportion to it."
         )
         assert not isinstance(said, voltage.Agreement | Advice)
     for value, begins in ((0.38, "K_t = 0.38"), (0.23, "K_t = 0.23")):

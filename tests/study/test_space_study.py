@@ -316,7 +316,7 @@ def test_a_name_is_no_unit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("time,speed\n0,1\n0,2\n", 'line 3: "0": expected a time after the line before'),
+        ("time,speed\n0,1\n0,2\n", 'line 3: "0": expected a time after that of the previous line'),
         ("time,speed\n0,1\n1,fast\n",
             'line 3: "1,fast": expected time in s and speed in rad/s, with a comma between, '
             "and decimal points in numbers"),

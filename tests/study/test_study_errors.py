@@ -195,10 +195,10 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'metric.0.signal: "omega_load": expected another signal, or a table mechanics.load_side'),
         ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "0 s"]: '
-            "expected one or more values, each above the one before"),
+            "expected one or more values, each above the previous one"),
         ("mechanics.load", {"time_table": {"time": ["1 s", "1 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "1 s"]: '
-            "expected one or more values, each above the one before"),
+            "expected one or more values, each above the previous one"),
         ("mechanics.load", {"time_table": {"time": ["1 s"], "torque": []}},
             "mechanics.load.time_table.torque: []: expected as many values as time has, 1"),
         ("mechanics.load", {"angle_table": {"angle": ["0 deg", "360 deg"], "torque": ["1 N*m", "1 N*m"]}},
@@ -210,14 +210,14 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("scenario.step.events.1.time", 0.5,
             'scenario.step.events.1.time: "0.5 s": expected a time within the scenario\'s 0.3 s'),
         ("scenario.step.events.1.time", 0.1,
-            'scenario.step.events.1.time: "0.1 s": expected a time after the event before'),
+            'scenario.step.events.1.time: "0.1 s": expected a time after the previous event'),
         ("scenario.low.reference", {"speed": "1 rpm", "offset": "1 rpm"},
             "scenario.low.reference: expected the keys of one form: speed; ramp, speed; profile; "
             "amplitude, frequency, offset; amplitude, depth, frequency, modulation, offset; offset, sines; "
             "moves; file"),
         ("scenario.low.reference", {"profile": [["1 s", "0 rpm"], ["0 s", "1 rpm"]]},
             'scenario.low.reference.profile: [["1 s", "0 rpm"], ["0 s", "1 rpm"]]: '
-            "expected one or more points, each later than the one before"),
+            "expected one or more points, each later than the previous one"),
         ("scenario.low.torque_mode", {"time": "0.1 s", "profile": [["1 s", "1 A"], ["1 s", "2 A"]]},
             'scenario.low.torque_mode.profile: [["1 s", "1 A"], ["1 s", "2 A"]]: expected points, each later '
             "than the one before"),

@@ -183,7 +183,7 @@ VERTICES = {
         (DRIVE, "scenario.move.reference", "1 rad", 'scenario.move.reference: "1 rad": expected a '
             'table of points'),
         (DRIVE, "scenario.move.reference", [["1 s", "0 rad"], ["1 s", "1 rad"]],
-            "scenario.move.reference.points: expected one or more points, each later than the one before"),
+            "scenario.move.reference.points: expected one or more points, each later than the previous one"),
         (DRIVE, "scenario.move.changes.0.trial", 1, "scenario.move.changes.0.trial: 1: expected a "
             "number of 2 or more"),
         (DRIVE, "scenario.move.changes.0.trial", 13,
@@ -196,8 +196,8 @@ VERTICES = {
             'scenario.move.changes.0.load_steps.0: [200, "1 N*m"]: expected a sample of the trial, '
                 'below 200'),
         (DRIVE, "scenario.move.changes.0.load_steps", [[50, "1 N*m"], [20, "0 N*m"]],
-            'scenario.move.changes.0.load_steps.1: [20, "0 N*m"]: expected a sample after that of '
-                'the step before'),
+            'scenario.move.changes.0.load_steps.1: [20, "0 N*m"]: expected a sample after that of the '
+        'previous step'),
         (DRIVE, "scenario.move.changes.0.initial_state", [0, 0],
             "scenario.move.changes.0.initial_state: [0, 0]: expected none, of a drive"),
         (DRIVE, "scenario.move.changes.1.override", {"drive.rates": 1},

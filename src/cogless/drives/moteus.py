@@ -178,8 +178,8 @@ def _partner(path: Path, position: LogColumns, stats: Mapping[Path, LogColumns])
         return named if named in overlapping else overlapping[0]
     those = ", ".join(other.name for other in overlapping) or "none of the logs"
     raise StudyError(
-        f"{path}: at its time the channel {STATS_CHANNEL} is in {those}: expected one, or the same name "
-        f"but for {POSITION_CHANNEL} and {STATS_CHANNEL}"
+        f"{path}: at its time the channel {STATS_CHANNEL} is in {those}: expected one such log, or two "
+        f"file names that differ only in {POSITION_CHANNEL} and {STATS_CHANNEL}"
     )
 
 

@@ -413,8 +413,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
         left_out.append(
             Advice(
                 "Inertia is not larger than its error, and without the inertia friction and delay cannot "
-                "be identified; add an "
-                "acceleration log.",
+                "be identified; add an acceleration log.",
                 logs_of_kind("acceleration"),
             )
         )

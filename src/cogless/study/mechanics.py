@@ -94,7 +94,7 @@ class TimeTable(Table):
 def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> None:
     """Refuse a table without points, with points that don't increase, or without one value per point."""
     if not points or any(b <= a for a, b in pairwise(points)):
-        raise invalid("expected one or more values, each above the one before", axis)
+        raise invalid("expected one or more values, each above the previous one", axis)
     if len(points) != len(values):
         raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
 
