@@ -220,7 +220,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             "expected one or more points, each later than the previous one"),
         ("scenario.low.torque_mode", {"time": "0.1 s", "profile": [["1 s", "1 A"], ["1 s", "2 A"]]},
             'scenario.low.torque_mode.profile: [["1 s", "1 A"], ["1 s", "2 A"]]: expected points, each later '
-            "than the one before"),
+            "than the previous one"),
         ("scenario.low.override", {"seed": 2},
             "scenario.low.override.seed: 2: expected a key of motor, drive or mechanics"),
         ("scenario.low.override", {"mechanics.inertia": "-1 kg*m^2"},
