@@ -383,9 +383,7 @@ def test_a_count_that_overflows_after_several_turns_is_laid_end_to_end(
     theta = logging._unwrapped("a", "a: x", tick * logged, NO_GAP, remarks, tick)
     assert theta - theta[0] == pytest.approx(tick * true, abs=1e-4)
     times = np.sum(np.abs(np.diff(logged)) > size // 2)
-    assert times and remarks == [
-        f"a: the count overflows {times} times, at {size}; the parts are joined end to end."
-    ]
+    assert times and remarks == [f"a: the count overflows {times} times, at {size}, and is unwrapped."]
 
 
 # --- steady parts

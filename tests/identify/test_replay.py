@@ -233,7 +233,7 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     steps["traces"] = {}  # none is left that could stand alone
     found, traces = replay.refined(made, lambda *of: None)
     assert found.remarks[1].startswith(f"Not simulated: a, b. {replay.UNCORRECTED} ")
-    assert found.remarks[1].endswith("no table on.")
+    assert found.remarks[1].endswith("no cogging table switched on.")
     steps["traces"] = StudyError("why")
     found, traces = replay.refined(made, lambda *of: None)
     assert (found.remarks[1], traces) == (

@@ -318,7 +318,7 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
     assert slow is not None and "slips at 2 rev/s; record at this speed or faster, with 1000 rows" in slow
     for rows, sticks in ((310, True), (210, False)):
         said = findings._sticks(known, log(theta=slips[:rows], rows=rows))
-        assert said is not None and ("it sticks" in said) == sticks
+        assert said is not None and ("the rotor sticks" in said) == sticks
     counts = 2.0**-10 * (np.arange(2000) // 20)
     assert findings._sticks(known, log(theta=counts)) == (
         f"{still} 100 % {rest}; turn faster, or with more feedback."
