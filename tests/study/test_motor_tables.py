@@ -219,7 +219,7 @@ def test_mistakes_are_one_line(
             {"peak": "2 V"},
             "peak: expected about 1 V, as the table has; peak",
         ),
-        (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected 2 V or so"),
+        (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected about 2 V"),
         (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
     ],
 )
