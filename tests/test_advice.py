@@ -340,7 +340,7 @@ CASES: dict[str, list[Case]] = {
         Case(TELESCOPE, SLOW_SKY, "coasts from count to count", left=0.3, cures=2),
         *(
             Case(MY_MOTOR, {**HALLS, "controller.pi": {"law": "pi", "kp": kp, "ki": 4 * kp}},
-                 "leaves nothing of", left=0.1, cures=cures)
+                 "leaves none of the", left=0.1, cures=cures)
             for kp, cures in ((0.012, 2), (0.02, 1))
         ),
         # No slower feedback is advised here: it leaves more of the cogging than it saves of the counts.
@@ -365,7 +365,7 @@ CASES: dict[str, list[Case]] = {
         ),
     ],
     "design.warnings.reads_zero": [
-        Case(MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "most read 0", name)
+        Case(MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "samples read 0", name)
         for name in ("pi", "harmonic")
     ] + [
         Case(MY_MOTOR, {**NONE, **encoder(speed_method="average", window=2),
@@ -373,9 +373,9 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.unlearned.map_warning": [
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 100}, gain="0.2 A*s/rad")},
-             "a wave of order 24", "x"),
+             "per wave of order 24", "x"),
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 512}, gain="0.2 A*s/rad", q_half_width=10)},
-             "a wave of order 24", "x", cures=2),
+             "per wave of order 24", "x", cures=2),
     ],
     "design.laws.periodic.relay_warning": [
         Case("liu2018", {}, "its relay switches", "robust-ilc",
@@ -393,7 +393,7 @@ CASES: dict[str, list[Case]] = {
              left=0.1),
     ],
     "design.turning.late_angle": [
-        Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "2 ms"}, "turns the torque round",
+        Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "2 ms"}, "reverses the torque",
              left=0.1),
         Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "1.3 ms"}, "of the torque",
              measure=copper, left=0.8),
@@ -469,7 +469,8 @@ CASES: dict[str, list[Case]] = {
              left=0.5),
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA"}, "its motion and load"),
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA",
-                        "drive.current_reference.field_weakening": True}, "current and voltage there give"),
+                        "drive.current_reference.field_weakening": True}, "the limits of current and "
+        "voltage there allow"),
     ],
     "design.trials.gains._warnings": [
         trials(ilc(shift=2), "can grow", measure=growth, left=0.0),
@@ -512,7 +513,7 @@ def loop(**keys: Any) -> dict[str, Any]:
     return {**NONE, "drive.current_loop": {"current_limit": "10 A", **keys}}
 
 
-NO_MARGIN = "expected a loop that some gains give this phase margin"
+NO_MARGIN = "expected a loop that reaches this phase margin with some gains"
 REFUSALS: dict[str, list[Refusal]] = {
     "design.speed_loop._too_weak": [
         Refusal(SMALLEST, loop(bandwidth="1500 Hz"), "expected 30 deg of phase margin"),

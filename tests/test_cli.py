@@ -330,10 +330,10 @@ def test_an_order_that_no_run_yields_keeps_the_runs(
     code, out, err = cogless(capsys, "run", study, "-o", tmp_path, *options)
     assert (code, err) == (0, "")
     row = next(line for line in out.splitlines() if line.startswith("speed: order 1 (electrical) ["))
-    assert row.count("under one turn") == 2 and "*" not in row
+    assert row.count("less than one turn") == 2 and "*" not in row
     results = json.loads((tmp_path / "results.json").read_text())
     assert [run["metrics"]["speed_rad_s"] for run in results["runs"]] == [[None] * 3] * 2
-    assert "under one turn" in (tmp_path / "report.html").read_text()
+    assert "less than one turn" in (tmp_path / "report.html").read_text()
 
 
 # A shell's background jobs ignore Ctrl-C, and so would what they start.
@@ -664,7 +664,10 @@ def test_a_study_s_own_code_is_named_and_may_be_refused(
         "open(__file__ + '.ran', 'w').close()\nclass Mine:\n    def step(self, i): return 0.0\n"
     )
     words = ("run", study, "--only", "low/*", "-o", tmp_path / "out")
-    line = f'{study}: controller.mine.law: "python": expected no code of the file\'s own, with --no-code\n'
+    line = (
+        f'{study}: controller.mine.law: "python": expected a law without code of your own, since --no-code '
+        "is given\n"
+    )
     for command in (words, ("sweep", study), ("tune", study), ("calibrate", study)):
         assert cogless(capsys, *command, "--no-code") == (2, "", line)
     assert not (tmp_path / "mine.py.ran").exists()
@@ -814,7 +817,7 @@ targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value
 """
     code, out, err = cogless(capsys, "calibrate", studies.write(tmp_path, studies.BASE + calibration))
     assert (code, err) == (130, "Interrupted.\n")
-    assert "# interrupted, the best fit so far is off by " in out
+    assert "# interrupted; the best fit so far is off by " in out
     assert 'motor.cogging.0.torque = "' in out
 
 
@@ -831,7 +834,7 @@ def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
     fit = room.Fit((fitted,), (residual,), 0.012345, settled, load(path))
     monkeypatch.setattr(room, "calibrate", lambda study, progress, jobs: fit)
     code, out, err = cogless(capsys, "calibrate", path)
-    said = f"{path}: calibration: not settled: expected parameters that change the metrics\n"
+    said = f"{path}: calibration: the fit did not settle: expected parameters that change the metrics\n"
     assert (code, err) == ((0, "") if settled else (2, said))
     *lines, blank, _, row = out.splitlines()
     assert row.split() == ["low/pi", "speed_ripple", "1.91", "rpm", "2.387", "rpm", "+25.0", "%"]
@@ -866,7 +869,7 @@ def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
         f"Study: {folder / 'study.toml'}",
         f"Columns: {folder / 'id.toml'}",
         f"Record: {motions}.",
-        "To be expected, from simulated logs of this motor:",
+        "Expected results, from simulated logs of this motor:",
         "J  2e-4 kg*m^2",
         "! no friction",
         *([f"! {lowered}"] if lowered else []),
@@ -892,7 +895,7 @@ def test_identify_takes_logs_and_what_is_known(capsys: pytest.CaptureFixture[str
     assert (code, out, err) == (
         2,
         "",
-        "identify: expected logs and --config FILE or --drive NAME, or --plan STUDY\n",
+        "identify: expected logs, with --config FILE or --drive NAME; or without logs --plan STUDY\n",
     )
 
 

@@ -91,9 +91,12 @@ def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | No
         ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\); it learns up to \d+ rpm$"),
         (
             {"gamma": -0.1},
-            "no, because at 15 rpm not all orders need converge where the inertia is 50 % off",
+            "no, because at 15 rpm some orders may not converge if the inertia is 50 % off",
         ),
-        ({"most": 0.25}, "no, because at 15 rpm the orders together settle only at rates to 0.25 1/s$"),
+        (
+            {"most": 0.25},
+            "no, because at 15 rpm the orders together settle only with learning rates up to 0.25 1/s$",
+        ),
         ({"snaps": "the rotor snaps"}, "no, because the rotor snaps$"),
     ],
 )
@@ -129,7 +132,7 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
     ]
     assert "settles" not in found["PI (pi, phase-margin)"] and "settles" not in found["current loop"]
     table = found["Anti-cogging table (anti-cogging, phase-margin)"]
-    assert table["settles"] == "it learned before the run, and doesn't learn in it"
+    assert table["settles"] == "it learned before the run, and does not learn during the run"
     assert found["harmonic (harmonic, auto)"]["gains"].count(",") == 1  # kp and ki; the rest is in --long
     assert "b 4.393e+04 rpm/s/A" in found["Robust ILC (robust-ilc)"]["gains"]
 

@@ -80,8 +80,8 @@ def test_the_position_loop_of_a_rule_is_a_quarter_as_fast_as_the_speed_loop(tmp_
             "its calibration run in low meets order 24 at 22.9 Hz: the table leaves 0.95 of the ripple; "
             'speed = "7.5 rpm" would do'),
         (12.0, K_THETA,
-            "its calibration run in low records 65.4 ms after it turned, not settled yet: the table leaves "
-            "1.8 of the ripple; speed = \"7.5 rpm\" would do"),
+            "its calibration run in low records 65.4 ms after it turned around, not yet settled: the "
+        "table leaves 1.8 of the ripple; speed = \"7.5 rpm\" would do"),
         (0.7, 2000.0,
             'its calibration run in low is unstable, at 61.1 Hz; position_gain = "18.8 1/s" would do'),
     ],
@@ -104,10 +104,13 @@ def test_a_loop_without_a_crossover_follows_nothing(tmp_path: Path, kp: float) -
     told = commissioning_warning(study, "t")
     assert told is not None and told.cures == ()
     assert str(told) == (
-        "its calibration run in low records nothing: the speed loop, whose gain is nowhere one, follows no "
+        "its calibration run in low records nothing: the speed loop has no crossover, so it follows no "
         "reference"
     )
-    with pytest.raises(StudyError, match=r"not done after 1\.77 s: expected kp and ki that hold its speed"):
+    with pytest.raises(
+        StudyError,
+        match=r"the calibration run is not done after 1\.77 s: expected kp and ki that hold the run's speed",
+    ):
         ripple(study, "t")
 
 

@@ -136,8 +136,8 @@ def test_a_zero_next_to_one_but_outside_is_refused() -> None:
     with pytest.raises(DesignError) as error:
         dynamic(model, np.array([1.0, -1.005]), np.array([-0.1, 0.02]))
     assert str(error.value) == (
-        "feedforward: expected false: the zero at z = 1.005 can't be cancelled, and without that the "
-        "feedforward amplifies up to 1.61e+05 times"
+        "feedforward: expected false: the zero at z = 1.005 can't be cancelled, and an uncancelled zero "
+        "makes the feedforward amplify up to 1.61e+05 times"
     )
 
 

@@ -61,7 +61,9 @@ def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
     liu = learner(study("liu2018"), "harmonic")
     assert (liu.base, liu.orders, liu.fast) == (4, 36, 6)  # 12 slots, 8 poles
     path = studies.write(tmp_path)  # its motor doesn't tell
-    expected = r"motor\.slots: missing: expected their number, or controller\.harmonic\.base, for the orders"
+    expected = (
+        r"motor\.slots: missing: expected the number of slots, or controller\.harmonic\.base, for the orders"
+    )
     with pytest.raises(StudyError, match=expected):
         load(path, studies.HARMONIC)
     by_hand = {**studies.HARMONIC["controller.harmonic"], "base": 2}
@@ -233,7 +235,7 @@ def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
     assert (
-        "at 15 rpm those to 432 learn at 4.34 1/s, settle at rates to 10.3 1/s and converge with b 50 % off "
+        "at 15 rpm orders to 432 learn at 4.34 1/s, settle at rates to 10.3 1/s and converge with b 50 % off "
         "(Re Gamma 0.66" in made.words()
     )
     assert certificate(here, "harmonic").fine

@@ -205,7 +205,7 @@ def test_what_learns_from_the_sign_keeps_an_oscillation_alive_and_is_told(beta_1
     told = known(changed(study, {"controller.robust-ilc.beta_1": beta_1}), "robust-ilc").words()
     assert (left[0] > 1.25 * left[1]) == worse
     assert told == (
-        "settles; not sure: beta_1 sgn S keeps 0.33 rev/s rms of ripple or more alive, at 885 Hz"
+        "settles; not sure: the term beta_1 sgn S keeps a ripple of 0.33 rev/s rms or more alive, at 885 Hz"
         if worse
         else "settles"
     )
@@ -267,13 +267,13 @@ def test_the_smallest_oscillation_that_switching_makes_grow_is_told(
     A = math.sqrt(2 * (1.0 - 0.36))
     gains = [4 / (math.pi * A * 2**n) for n in range(6)]
     assert gains[3] < 0.28 < gains[2]
-    told = "beta_1 sgn S keeps 3.2 rad/s rms of ripple or more alive, at {} Hz"  # A 2^2 / sqrt 2
+    told = "the term beta_1 sgn S keeps a ripple of 3.2 rad/s rms or more alive, at {} Hz"  # A 2^2 / sqrt 2
     assert doubt(law) == told.format(56)
     shaking = type("Shaking", (Switching,), {"swings": Oscillation(87.6, 3.0)})
     assert doubt(law, shaking) == told.format(88)
     for last, limit in ((5, 2.0 + 0.99 * gains[5]), (0, 2.0 + 0.99 * gains[0])):
         edge = type("Edge", (Switching,), {"limit": limit})
-        assert f"keeps {0.8 * 2**last:.2g} rad/s" in (doubt(law, edge) or "")
+        assert f"keeps a ripple of {0.8 * 2**last:.2g} rad/s" in (doubt(law, edge) or "")
     assert doubt(law, type("Firm", (Switching,), {"limit": 2.0 + 1.01 * gains[0]})) is None
     assert doubt(law, type("Grown", (Switching,), {"limit": 2.0})) is None
     assert doubt(law.model_copy(update={"beta_1": 0.0})) is None

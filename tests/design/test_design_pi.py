@@ -396,7 +396,7 @@ def test_no_speed_loop_is_tuned_around_a_weak_current_loop(
     ("bandwidth", "note"),
     [
         ("8 kHz", 'the current loop is unstable, and every speed loop around it; bandwidth = "1 kHz"'),
-        ("2 kHz", 'the current loop is weak, it has 17.0 deg of phase margin; bandwidth = "1 kHz"'),
+        ("2 kHz", 'the current loop is weak: it has 17.0 deg of phase margin; bandwidth = "1 kHz"'),
         ("800 Hz", None),
     ],
 )
@@ -414,7 +414,7 @@ def test_the_table_shows_the_current_loop(tmp_path: Path, bandwidth: str, note: 
 
 def test_a_margin_out_of_reach_is_refused() -> None:
     slow = dataclasses.replace(LOOP, current=dataclasses.replace(CURRENT, kp=0.0, ki=0.0))
-    with pytest.raises(ValueError, match="expected a loop that some gains give this phase margin"):
+    with pytest.raises(ValueError, match="expected a loop that reaches this phase margin with some gains"):
         phase_margin_pi(slow, tuning(math.radians(60)))
 
 

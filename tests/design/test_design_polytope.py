@@ -249,7 +249,7 @@ def of(**changes: object) -> Callable[[], UncertainPlant]:
         (
             of(nominal={"inertia": 7e-4}),
             "nominal",
-            "nominal: expected the parameters that have ranges, all and only: friction differs",
+            "nominal: expected exactly the parameters that have ranges: friction differs",
         ),
         (lambda: from_vertices([], [1], 1.0), "vertex", "vertex: expected at least one"),
         (
@@ -281,7 +281,7 @@ def of(**changes: object) -> Callable[[], UncertainPlant]:
         (
             lambda: from_vertices([([[0.5, 0], [0, 0.5]], [[0], [1]])], [1, 0], 1.0),
             "vertex",
-            "vertex: expected an output that sees the input; at the nominal plant it doesn't",
+            "vertex: expected an output that depends on the input; at the nominal plant it does not",
         ),
     ],
 )  # fmt: skip

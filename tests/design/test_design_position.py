@@ -134,7 +134,7 @@ def test_a_margin_that_this_loop_cannot_have_is_refused() -> None:
     assert isinstance(around.current, SampledLoop)
     unstable = replace(around, current=replace(around.current, kp=1000.0))
     assert not position_margins(unstable, linear(1, 5.0, 5.0, 50.0)).stable
-    with pytest.raises(ValueError, match="a loop that some gains give this phase margin"):
+    with pytest.raises(ValueError, match="a loop that reaches this phase margin with some gains"):
         phase_margin_position(unstable, 1, tuning(45))
 
 

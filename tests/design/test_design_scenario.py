@@ -151,7 +151,7 @@ def test_too_few_edges_for_the_loop_are_told(rpm: int, method: str, told: bool) 
         assert lines[0].startswith(
             "controller.pi: at 1 rpm an edge comes every 3.7 ms, the crossover is 121 Hz: "
         )
-        assert "of 60 deg of phase margin; where it stops and goes it reads high" in lines[0]
+        assert "of the 60 deg of phase margin; where the rotor stops and goes the measured" in lines[0]
         assert (
             "drive.position_sensor.lines = 22903 would do" in lines[0]
         )  # 4.7 times the counts, and a fifth more

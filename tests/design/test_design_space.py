@@ -385,11 +385,11 @@ def test_a_study_is_told_what_the_proofs_ask() -> None:
     assert "Known bounds, mechanical: h 0.217 to 0.345 A*s^2/rad, k_h 5.4" in text
     assert (
         "law (4) of Verrelli 2016, section 3: k = 20 is 0.033 of the printed bound (613), 0.029 of the "
-        "corrected one (681)" in text
+        "corrected bound (681)" in text
     )
     assert not plain["holds"]
-    assert plain["asks"]["the corrected one"] == pytest.approx(681, rel=1e-3)
-    assert plain["ratio"]["the corrected one"] == pytest.approx(20 / 681, rel=1e-3)
+    assert plain["asks"]["the corrected bound"] == pytest.approx(681, rel=1e-3)
+    assert plain["ratio"]["the corrected bound"] == pytest.approx(20 / 681, rel=1e-3)
     assert plain["bounds"]["h_m"] == pytest.approx(0.0733 / (50 * (5 + 1.0 + 0.498 + 0.25) * 1e-3), rel=1e-4)
     assert to_dict(study)["controllers"]["feedback"]["theorem"] is None
 
@@ -501,7 +501,7 @@ def test_several_conditions_that_no_gain_meets_are_a_list() -> None:
     assert found is not None
     assert found.verdict().startswith(
         "law (4) of Verrelli 2016, section 3: k = 20 is 1.2 of g_d (eta_bar + omega+) / 2 (16.4), no k is "
-        "enough for the printed bound, the corrected one or that with its own limits: not covered "
+        "enough for the printed bound, the corrected bound or the bound with its own limits: not covered "
         "by the proof; "
     )
 

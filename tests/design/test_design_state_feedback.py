@@ -185,7 +185,7 @@ def test_integral_action_needs_a_gain_at_rest() -> None:
     with pytest.raises(DesignError) as error:
         guaranteed_cost(plant, np.eye(3), 1.0, np.ones(3), True)
     assert str(error.value) == (
-        "vertex: expected a plant that integral action can control; at vertex 1 the input can't move "
+        "vertex: expected a plant that integral action can control: at vertex 1 the input can't move "
         "the mode at z = 1 "
         "(no gain at zero frequency)"
     )
@@ -210,7 +210,7 @@ def test_integral_action_needs_a_gain_at_rest() -> None:
         ),
         (np.eye(3), 0.0, np.ones(3), "input_weight", "input_weight: 0: expected a number above zero"),
         (np.eye(3), 1.0, np.full(3, np.nan), "initial_state", "initial_state: expected 3 finite numbers"),
-        (np.eye(3), 1.0, np.zeros(3), "initial_state", "initial_state: expected one that isn't zero"),
+        (np.eye(3), 1.0, np.zeros(3), "initial_state", "initial_state: expected a state that is not zero"),
     ],
 )
 def test_errors(weight: Real, effort: float, start: Real, key: str, message: str) -> None:

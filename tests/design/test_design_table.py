@@ -39,9 +39,8 @@ def test_a_bound_that_does_not_exist_is_said_in_words() -> None:
     slow = load("verrelli2016-speed", {"controller.learning.eta_bar": "2.5 rad/s"})
     found = theorem(slow, "learning")
     assert found is not None and not found.holds
-    assert ", no k is enough for the printed bound, the corrected one or that with its own limits: not" in (
-        found.verdict()
-    )
+    said = "no k is enough for the printed bound, the corrected bound or the bound with its own limits: not"
+    assert f", {said}" in found.verdict()
     without = load("verrelli2016-position", {"controller.true-period.k_v": 0.0})
     found = theorem(without, "true-period")
     assert found is not None

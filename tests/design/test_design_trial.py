@@ -592,7 +592,7 @@ def test_a_static_gain_points_where_the_loop_does(
     assert str(error.value) == told
 
 
-FASTEST = "K_3 by frequency, for the smallest factor a trial"
+FASTEST = "K_3 is chosen by frequency, for the smallest factor a trial"
 
 
 OTHER_SHIFT = "(35) is for a shift of 2"
@@ -611,7 +611,7 @@ FILTERED = f"{FASTEST} with the filter on the learned signal"
         (30.0, "signal", 0.951, None, None),
         (
             30.0, "signal", 0.8, (0.9, 4, 0.5),
-            f"{FILTERED}, 0.8, or 0.9 with the trial's ends; shift = 4 would make that 0.5",
+            f"{FILTERED}, 0.8, or 0.9 with the trial's ends; shift = 4 would make this factor 0.5",
         ),
     ],
 )  # fmt: skip

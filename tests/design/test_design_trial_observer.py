@@ -183,7 +183,7 @@ def test_a_plant_that_acts_the_other_way_is_refused() -> None:
 
 
 def test_a_range_that_no_pole_holds_is_refused() -> None:
-    with pytest.raises(DesignError, match="expected ranges that the observer"):
+    with pytest.raises(DesignError, match="expected ranges within which the observer"):
         design_observer(motor(1e-4, 1e-2), None)
     with pytest.raises(DesignError, match=r"with pole = 0\.05"):
         design_observer(motor(1e-4, 1e-2), 0.05)

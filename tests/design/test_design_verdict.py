@@ -290,7 +290,9 @@ def test_what_learns_nothing_or_has_a_period_of_nothing_is_said() -> None:
     study = load("verrelli2016-position")
     line = str(warnings(study, "wrong-period")[-1])
     assert line.startswith("its period, 4/5 of a revolution, isn't one of order 1")
-    assert line.endswith(": what doesn't repeat is learned only as far as it stays for a period")
+    assert line.endswith(
+        ": a disturbance that does not repeat is learned only as far as it stays for a period"
+    )
     assert warnings(study, "true-period") == []
     assert warnings(study, "feedback") == []
 

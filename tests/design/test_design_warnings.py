@@ -59,7 +59,8 @@ def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
     encoder = {"kind": "encoder", "lines": 2500}
     slow = {"scenario.slow.reference": "11 rpm", "drive.position_sensor": encoder}
     line = (
-        "scenario.slow: at 11 rpm 0.46 counts come in a speed sample: most read 0, others 24 rpm; "
+        "scenario.slow: at 11 rpm 0.46 counts come in a speed sample: most samples read 0, the others 24 "
+        "rpm; "
         'drive.position_sensor.speed_method = "MT" times the edges'
     )
     assert beyond_drive(my_motor(**slow), ["slow", "slow"]) == [line]
@@ -104,7 +105,7 @@ def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
     timed = {"drive.position_sensor.speed_method": "MT"}
     study = my_motor(**stars, **counted, **{"mechanics.coulomb_friction": "0 N*m"})
     (remark,) = module.beyond_drive(study, ["slow"])
-    assert str(remark).endswith("most read 0, others 24 rpm") and remark.cures == ()
+    assert str(remark).endswith("most samples read 0, the others 24 rpm") and remark.cures == ()
     ripple, off = [], []
     for each in (study, changed(study, timed)):
         trace = simulate(each, "slow", "pi").trace
@@ -126,7 +127,7 @@ def test_orders_beyond_the_memory_have_no_base():
     far = my_motor(**{"motor.cogging.1.order": 521})
     assert notes(far, "harmonic") == [
         "controller.harmonic: it learns orders 2, 4 to 256, but the cogging has order 521; "
-        "no base learns all of it with 128 orders"
+        "no base learns all of the cogging with 128 orders"
     ]
 
 
@@ -158,7 +159,7 @@ def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):
     path.write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
     table = {"file": "cogging.csv", "frame": "mechanical", "sign": "on-rotor"}
     coarse = load(path, {"motor.cogging_table": table})
-    shows = "the main one is 84, which shows as a lower one"
+    shows = "the main order is 84, which shows as a lower order"
     told = f"motor.cogging_table: its 100 points tell orders to 49, {shows}"
     assert coarse_table(coarse) == [told]
     assert f"{told}." in [str(text) for text in design_table(coarse).renderables]
@@ -170,7 +171,10 @@ def test_missing_slots_are_refused_before_anything_runs(tmp_path):
     text = EXAMPLE.read_text(encoding="utf-8").replace("slots = 12\n", "")
     path = tmp_path / "study.toml"
     path.write_text(text, encoding="utf-8")
-    told = "motor.slots: missing: expected their number, or controller.harmonic.base, for the orders to learn"
+    told = (
+        "motor.slots: missing: expected the number of slots, or controller.harmonic.base, for the "
+        "orders to learn"
+    )
     with pytest.raises(StudyError) as error:
         load(path)
     assert str(error.value) == f"{path}: {told}"
@@ -210,8 +214,8 @@ def test_a_soft_shaft_is_told_with_where_it_swings():
     own = soft.mechanics.inertia
     low, high = (math.sqrt(10 * each) / math.tau for each in (1 / 4e-5, 1 / 4e-5 + 1 / own))
     told = (
-        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; rules tune for "
-        "both masses as one, margins are with the shaft"
+        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; tuning rules take "
+        "both masses as one, the margins include the shaft"
     )
     assert shaft_notes(soft) == [f"{told}, its gap closed"]
     assert shaft_notes(changed(soft, {"mechanics.load_side.backlash": "0 deg"})) == [told]

@@ -29,21 +29,27 @@ def warned(folder: Path, **law: Any) -> str | None:
     ("cells", "said"),
     [
         (1000, None),
-        (600, "6 in a wave of order 100 (mechanical), of which straight lines between them lose 8.8 %"),
-        (199, "1.99 in a wave of order 100 (mechanical), which such a map can't hold"),
+        (
+            600,
+            "6 cells per wave of order 100 (mechanical): straight lines between the cells lose 8.8 % "
+            "of the wave",
+        ),
+        (199, "1.99 cells per wave of order 100 (mechanical): too few for a map to hold the wave"),
     ],
 )
 def test_it_is_told(cells: int, said: str | None, tmp_path: Path) -> None:
     """With 1000 cells the order grows at this gain. So 1000 are advised only if it grows already."""
-    ways = ": cells = 1000 would do" if cells == 600 else ""
-    assert warned(tmp_path, cells=cells) == (f"cells = {cells} is {said}{ways}" if said else None)
+    ways = "; cells = 1000 would do" if cells == 600 else ""
+    assert warned(tmp_path, cells=cells) == (f"cells = {cells} gives {said}{ways}" if said else None)
 
 
 def test_a_filter_as_wide_as_the_wave_keeps_nothing_of_it(tmp_path: Path) -> None:
     assert warned(tmp_path, cells=3300, q_half_width=5) is None
     assert warned(tmp_path, cells=1100, q_half_width=5) == (
-        "cells = 1100 is 11 in a wave of order 100 (mechanical), of which straight lines between them and "
-        "the Q filter over 11 lose 100 % in each period: cells = 3300, or q_half_width = 1 would do"
+        "cells = 1100 gives 11 cells per wave of order 100 (mechanical): straight lines between the "
+        "cells and the Q "
+        "filter over 11 cells lose 100 % of the wave in each period; cells = 3300, or q_half_width = 1 "
+        "would do"
     )
     weights = np.cos(2 * np.pi * np.arange(-2, 3) / 20)
     assert share_kept(20, 2) == pytest.approx(np.mean(weights) * np.sinc(1 / 20) ** 2)
@@ -58,7 +64,7 @@ def test_a_shorter_period_needs_fewer(tmp_path: Path) -> None:
 def test_of_older_laws_too(tmp_path: Path) -> None:
     ilc = {"law": "pi-ilc", "kp": 0.1, "ki": 1.0, "gain": 0.1, "cells": 600, "memory": "angle"}
     study = load(studies.write(tmp_path), {"controller.pi": ilc, "motor.cogging": COGGING})
-    assert "cells = 600 is 6 in a wave of order 100" in str(map_warning(study, "pi"))
+    assert "cells = 600 gives 6 cells per wave of order 100" in str(map_warning(study, "pi"))
 
 
 def test_where_there_is_no_map(tmp_path: Path) -> None:
@@ -69,7 +75,7 @@ def test_where_there_is_no_map(tmp_path: Path) -> None:
 def test_run_and_design_tell_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes = {"controller.pi": {**LAW, "cells": 150}, "motor.cogging": COGGING}
     study = load(studies.write(tmp_path), changes)
-    text = "controller.pi: cells = 150 is 1.5 in a wave of order 100"
+    text = "controller.pi: cells = 150 gives 1.5 cells per wave of order 100"
     assert any(text in str(part) for part in design_table(study).renderables)
     printed.print_warnings(study, [("low", "pi")])
     assert f"Warning: {text}" in capsys.readouterr().err

@@ -108,11 +108,11 @@ def test_axes_that_are_alike_are_one_in_warnings() -> None:
     q = CurrentLoopDesign(gains, weak, weakness(weak))
     assert told_apart({}) == {} and told_apart({"q": q, "d": q}) == {"current loop": q}
     assert loop_warnings({"q": q, "d": q}) == [
-        "drive.current_loop: the current loop is weak, it has 20.0 deg of phase margin"
+        "drive.current_loop: the current loop is weak: it has 20.0 deg of phase margin"
     ]
     d = CurrentLoopDesign(gains, UNSTABLE, weakness(UNSTABLE))
     assert loop_warnings({"q": q, "d": d}) == [
-        "drive.current_loop: the current loop, q is weak, it has 20.0 deg of phase margin",
+        "drive.current_loop: the current loop, q is weak: it has 20.0 deg of phase margin",
         "drive.current_loop: the current loop, d is unstable, and every speed loop around it",
     ]
     other = replace(q, gains={"kp": Gain(2.0, "V/A")})
@@ -168,25 +168,25 @@ def certificate(**changes: object) -> Certificate:
 def test_a_certificate_in_one_line() -> None:
     learner = certificate().learner
     assert certificate().words() == (
-        "orders 6, 12 to 48; at 60 rpm those to 42 learn at 2 1/s, settle at rates to 5.06 1/s and converge "
-        "with b 50 % off (Re Gamma 0.39 or more), to 36 with an untold sample of delay; at 600 rpm those to "
-        "12 learn at 7 1/s, settle at any rate and converge with b 50 % off (Re Gamma 0.50 or more), to 6 "
-        "with an untold sample of delay, 2 held, 24 to 30; "
-        "learns at up to 3000 rpm"
+        "orders 6, 12 to 48; at 60 rpm orders to 42 learn at 2 1/s, settle at rates to 5.06 1/s and converge "
+        "with b 50 % off (Re Gamma 0.39 or more), orders to 36 with one more sample of delay; at 600 rpm "
+        "orders to "
+        "12 learn at 7 1/s, settle at any rate and converge with b 50 % off (Re Gamma 0.50 or more), "
+        "orders to 6 with one more sample of delay, 2 held, 24 to 30; learns at up to 3000 rpm"
     )
     assert certificate(speeds=()).words() == "not judged: no reference turns order 48 by 0.001 rad a sample"
     one = (Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(24,), rate=2.0, most=None),)
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.words() == (
-        "orders 6, 12 to 48; at 60 rpm those to 42 learn at 2 1/s, settle at any rate and converge with b 50 "
-        "% off (Re Gamma 0.39 or more), to 36 with an untold sample of delay, 24 held; holds orders from 100 "
-        "to 200 and from 300 "
+        "orders 6, 12 to 48; at 60 rpm orders to 42 learn at 2 1/s, settle at any rate and converge with "
+        "b 50 % off (Re Gamma 0.39 or more), orders to 36 with one more sample of delay, 24 held; holds "
+        "orders from 100 to 200 and from 300 "
         "to 400 Hz; learns at up to 3000 rpm; an eccentric sensor's error at up to 30 rpm"
     )
     bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held=(), rate=2.0, most=None)
     turned = certificate(speeds=(bad,)).words()
-    assert "any rate and may not all converge with b 50 % off (Re Gamma 0.00 or more), to 36" in turned
+    assert "any rate and may not all converge with b 50 % off (Re Gamma 0.00 or more), orders to 36" in turned
     good = replace(bad, gamma=0.1)
     for speeds, fine in (
         ((good,), True),

@@ -32,14 +32,14 @@ COUNT = 0.02  # rad
         (4.0, True, FIRM, None),  # 4.5 ms late, 0.45 of the margin
         (
             2.5, True, FIRM,
-            "at 2.5 rad/s an edge comes every 8 ms, the crossover is 15.9 Hz: the speed is 7.5 ms late, "
-            "which costs 43 deg of 57 deg of phase margin",
+            "at 2.5 rad/s an edge comes every 8 ms, the crossover is 15.9 Hz: the measured speed is 7.5 "
+        "ms late, which costs 43 deg of the 57 deg of phase margin",
         ),
         (
             1.0, True, FIRM,
-            "at 1 rad/s an edge comes every 20 ms, the crossover is 15.9 Hz: the speed is 20 ms late, "
-            "which costs 112 deg of 57 deg of phase margin; where it stops and goes it reads high, by 10 % "
-            "if every other edge takes twice as long",
+            "at 1 rad/s an edge comes every 20 ms, the crossover is 15.9 Hz: the measured speed is 20 ms "
+        "late, which costs 112 deg of the 57 deg of phase margin; where the rotor stops and goes the "
+        "measured speed is too high, by 10 % if every other edge takes twice as long",
         ),
         (1.0, False, UNSTABLE, None),
         (1.0, False, Margins(True, math.nan, math.nan, 3.0, 300.0), None),
@@ -114,7 +114,7 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
     monkeypatch.setattr(warnings, "timed_edges", lambda study: None)
     monkeypatch.setattr(warnings, "helping", lambda *_: ())
     found = warnings.reads_zero(study, "s")
-    line = "at 9.8 rad/s 0.49 counts come in a speed sample: most read 0, others 20 rad/s"
+    line = "at 9.8 rad/s 0.49 counts come in a speed sample: most samples read 0, the others 20 rad/s"
     assert (None if found is None else str(found)) == (line if told else None)
 
 

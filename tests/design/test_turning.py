@@ -99,4 +99,4 @@ def test_a_late_angle_counts_in_electrical_turns(tmp_path):
     at = [changed(study, {"scenario.low.reference": f"{w} rad/s"}) for w in (175, 200, 500)]
     assert late_angle(at[0], "low") is None  # 4 pole pairs: 40 degrees
     assert "46 deg (electrical) late, which leaves 70 % of the torque" in str(late_angle(at[1], "low"))
-    assert "115 deg (electrical) late, which turns the torque round" in str(late_angle(at[2], "low"))
+    assert "115 deg (electrical) late, which reverses the torque" in str(late_angle(at[2], "low"))

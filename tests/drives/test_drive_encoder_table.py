@@ -129,9 +129,9 @@ def test_what_it_cannot_be_made_from_is_one_line(tmp_path: Path, capsys: pytest.
     (none / "identified.json").write_text(json.dumps({"encoder": []}))
     cases = {
         (on, "--to", "moteus"): f"{on}: the logs were made with a table of the encoder",
-        (other, "--to", "moteus"): "since its logs are of odrive: expected some of moteus",
-        (none, "--to", "moteus"): "encoder: no order: expected logs that tell the encoder's error",
-        (on, "--to", "odrive"): "--encoder: odrive: no table of its encoder is written",
+        (other, "--to", "moteus"): "is not known: its logs are of odrive: expected logs of moteus",
+        (none, "--to", "moteus"): "encoder: no order: expected logs that show the encoder's error",
+        (on, "--to", "odrive"): "--encoder: odrive: expected a drive whose encoder table",
         (foc, "--to", "simplefoc"): "the encoder's own angle is not known: expected sensor_direction = 1",
         (on, "--to", "moteus", "--shift", "1 deg"): "--encoder: expected only SOURCE, --to and -o",
     }

@@ -89,7 +89,7 @@ def test_a_dump_among_the_logs_is_one_line(tmp_path: Path, capsys: pytest.Captur
     """As `cogless identify * --drive-config dump.cfg` names it."""
     log, dump = log_of("moteus", tmp_path), Moteus().dump(tmp_path / "dump.cfg")
     code, _, err = cogless(capsys, "identify", dump, log, "--drive-config", dump, "-o", tmp_path / "out")
-    line = f"{dump}: among the logs and in --drive-config: expected it in the latter only\n"
+    line = f"{dump}: among the logs and in --drive-config: expected only in --drive-config\n"
     assert (code, err) == (2, line)
 
 
@@ -110,7 +110,7 @@ def test_firmware_that_takes_no_table_is_one_line(tmp_path: Path) -> None:
 
 def test_a_table_that_was_on_is_one_line(tmp_path: Path) -> None:
     logs, dump = turning(tmp_path, motor__cogging_dq_scale="0.001", motor__cogging_dq_comp__3="9")
-    (line,) = (line for line in read_logs(logs, dump).remarks if "table" in line and "laid" not in line)
+    (line,) = (line for line in read_logs(logs, dump).remarks if "table" in line and "placed" not in line)
     assert line.startswith(f"{dump}: it has a cogging table, scale 0.001 A: ")
     assert line.endswith("so a new table replaces it.") and "\n" not in line
 

@@ -93,7 +93,7 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
     [
         (
             ["--from", "csv", "--to", "moteus"],
-            "the table's zero is not known, since it is over another angle: expected logs of",
+            "the rotor angle of the table's first entry is not known: its angle is not that of ",
         ),
         (
             ["--from", "csv", "--to", "motus"],
@@ -101,11 +101,14 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
         ),
         (["--from", "csv", "--to", "novanta"], "--to: novanta: takes no table: its table is over the"),
         (["--from", "csv", "--to", "vesc"], "--to: vesc: takes no table: "),
-        (["--from", "simplefoc", "--to", "moteus"], "--from: simplefoc: no table of it can be read"),
+        (["--from", "simplefoc", "--to", "moteus"], "--from: simplefoc: expected a drive whose table"),
         (["--from", "csv", "--to", "csv", "--shift", "40"], '--shift: "40": expected a unit too'),
-        (["--from", "csv", "--to", "csv", "--reverse"], "--reverse: expected --shift ANGLE beside it"),
+        (["--from", "csv", "--to", "csv", "--reverse"], "--reverse: expected --shift ANGLE too"),
         (["--from", "moteus", "--to", "csv"], "motor.poles: missing: expected the dump"),
-        (["--to", "csv"], "no stored map: expected one, a folder of cogless identify, or --from DRIVE"),
+        (
+            ["--to", "csv"],
+            "no stored map: expected a stored map, a folder of cogless identify, or --from DRIVE",
+        ),
     ],
 )
 def test_a_table_that_cannot_be_written_is_one_line(

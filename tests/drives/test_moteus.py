@@ -133,7 +133,7 @@ def test_the_ripple_that_is_predicted_comes(
     code, out, _ = cogless(capsys, "run", tmp_path / "try" / "study.toml", "-o", tmp_path / "results")
     assert code == 0 and "table leaves" in out
     code, _, err = cogless(capsys, *command[:-1], found)
-    assert code == 2 and f"--study: {found}: expected another folder" in err
+    assert code == 2 and f"--study: {found}: expected a folder other than" in err
 
 
 def test_half_an_entry_late_leaves_more() -> None:
@@ -255,7 +255,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
             "--drive-config",
             dump,
         ): f"{place}: at its time the channel servo_stats is in none of the logs: expected one",
-        (other,): f"{other}: no drive's log by its first lines: expected --config FILE",
+        (other,): f"{other}: its first lines fit no known drive: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
         (
             stats,

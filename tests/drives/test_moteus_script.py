@@ -183,4 +183,6 @@ def test_a_drive_without_a_script_is_named(
 ) -> None:
     study = script.parents[1] / "study.toml"
     code, _, err = cogless(capsys, "identify", "--plan", study, "--drive", "csv", "-o", tmp_path)
-    assert code == 2 and '--drive: "csv": no script for it is written: expected one of moteus' in err
+    assert (
+        code == 2 and '--drive: "csv": cogless writes no script for this drive: expected one of moteus' in err
+    )

@@ -42,7 +42,7 @@ def test_two_commands_take_the_ripple_away(
     (line,) = (line for line in out.splitlines() if line.startswith("Next: "))
     words = shlex.split(line.removeprefix("Next: cogless ").replace("FILE", "cogging.cfg"))
     code, out, err = cogless(capsys, *words[:-2])
-    assert (code, err) == (0, "") and out.endswith("No table is written: -o FILE writes it.\n")
+    assert (code, err) == (0, "") and out.endswith("No table was written: -o FILE writes one.\n")
     assert not (folder / "cogging.cfg").exists()
     code, out, err = cogless(capsys, *words)
     assert (code, err) == (0, "") and "moteus_tool -t 1 --restore-config cogging.cfg" in out

@@ -140,7 +140,8 @@ def test_captures_tell_the_motor(
     assert np.std(current - truth) < 0.1 * np.std(truth)
     code, _, err = cogless(capsys, "table", folder, "--to", "odrive")
     assert (
-        code == 2 and "--to: odrive: takes no table: firmware 0.5 lets its map be read and not written" in err
+        code == 2
+        and "--to: odrive: takes no table: firmware 0.5 allows reading its map, but not writing it" in err
     )
 
 

@@ -111,7 +111,7 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     command = ["identify", *files, "--drive-config", logs / "monitor.toml", "-o", tmp_path / "found"]
     code, out, err = cogless(capsys, *command)
     assert (code, err) == (0, "")
-    assert "by its first lines SimpleFOC" in out and "1 lines of another form" in out and "2 ms apart" in out
+    assert "by its first lines SimpleFOC" in out and "1 lines that do not fit" in out and "2 ms apart" in out
     header = tmp_path / "cogging.h"
     code, out, err = cogless(capsys, "table", tmp_path / "found", "--to", "simplefoc", "-o", header)
     assert (code, err) == (0, "") and "COGGING_SHARE" in out

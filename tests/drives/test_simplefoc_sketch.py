@@ -114,7 +114,7 @@ def test_what_the_sketch_prints_tells_the_motor(
     log.write_text("\n".join(lines) + "\n")
     config = plan / "monitor.toml"
     code, out, err = cogless(capsys, "identify", log, "--drive-config", config, "-o", tmp_path / "found")
-    assert (code, err) == (0, "") and "1 lines of another form are left out" in out
+    assert (code, err) == (0, "") and "1 lines that do not fit are left out" in out
     made = json.loads((tmp_path / "found" / "identified.json").read_text())
     assert made["logs"] == [f"log.txt#{part}" for part in range(4)]
     assert made["values"]["j"]["value"] == pytest.approx(PLANT.inertia / PLANT.K_t, rel=0.05)

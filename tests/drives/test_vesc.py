@@ -99,7 +99,9 @@ def test_inertia_and_friction_come_out(
     assert "by its first lines VESC, a log of real-time data" in out
     assert "50 rows a second of mean currents, at " in out
     assert ("so no order has a place on the rotor" in out) == (not encoder)
-    assert "needs its reference in the file of --config and its controller, since the drive's own law" in out
+    assert (
+        "needs its reference in the file of --config and its controller, since cogless has no model of" in out
+    )
     values = json.loads((folder / "identified.json").read_text())["values"]
     assert values["j"]["value"] == pytest.approx(PLANT.inertia / PLANT.K_t, rel=0.02)
     assert values["c"]["value"] == pytest.approx(PLANT.coulomb / PLANT.K_t, rel=0.05)
@@ -185,8 +187,11 @@ def test_the_encoders_own_angle_is_that_of_the_configuration(
     position, encoder = 75.0, 105.0 if not inverted else -105.0
     own = frame.encoder_direction * position + np.degrees(frame.encoder_shift)
     assert frame.zero and own == pytest.approx(encoder) and frame.pole_pairs == PAIRS
-    for change, message in (("<p_pid_ang_div>4</p_pid_ang_div>", "p_pid_ang_div: expected 1"), ("", "")):
+    for change, message in (
+        ("<p_pid_ang_div>4</p_pid_ang_div>", "p_pid_ang_div is not 1: expected 1"),
+        ("", ""),
+    ):
         config.write_text(XML.replace("</MCConf", change + "</MCConf"))
         assert message in read_logs([tmp_path / "a.csv"], config).frame.lacking
     without = read_logs([log(runs["accel"], tmp_path / "b.csv", encoder=False)], config).frame
-    assert not without.zero and "encoder_position that turns with erpm" in without.lacking
+    assert not without.zero and "encoder_position does not turn with erpm" in without.lacking

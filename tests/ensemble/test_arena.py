@@ -276,7 +276,7 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     laws = {**LAWS, "robust": {"law": "robust-ilc", "tuning": AUTO}}
     plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
     study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
-    assert absent == {"robust": "the feedback there is by hand, and the law has another"}
+    assert absent == {"robust": "this plant's feedback is chosen by hand, and the law has another one"}
     assert study.controller["bar"].kp == 0.05
     with pytest.raises(StudyError, match=r"plant\.drone: expected a law that can run there$"):
         prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", ["robust"])

@@ -173,7 +173,7 @@ def test_a_worker_that_dies_costs_its_chunk_only(tmp_path: Path, expected: bytes
 
 def test_a_task_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
     with pytest.raises(
-        StudyError, match=r"^chunk \d: its worker died 3 times: expected enough memory for it$"
+        StudyError, match=r"^chunk \d: its worker process died 3 times: expected enough memory for it$"
     ):
         sweeping.run(plan(tmp_path), tmp_path, Dies(*range(99)))
 
@@ -202,7 +202,7 @@ def test_a_law_that_ends_its_process_is_named(tmp_path: Path, call: str, said: s
             with pytest.raises(StudyError) as error:
                 sweeping.run(planned, tmp_path, workers)
             why = f"expected controller.own not to end the process ({tmp_path / 'law.py'}), or enough memory"
-            assert str(error.value) == f"chunk 0: its worker died 3 times: {why}"
+            assert str(error.value) == f"chunk 0: its worker process died 3 times: {why}"
         else:
             swept = sweeping.run(planned, tmp_path, workers)
             assert swept is not None and set(swept.errors) == {(0, 1), (1, 1)}
@@ -247,7 +247,9 @@ def test_a_cluster_that_is_gone_is_told() -> None:
             future.set_running_or_notify_cancel()  # so that whoever waits for it sees it
             return future
 
-    with pytest.raises(StudyError, match=r"^the cluster is gone: the same command goes on from here$"):
+    with pytest.raises(
+        StudyError, match=r"^the cluster is gone: the same command, called again, goes on from here$"
+    ):
         executing.run_all(executing.executor_workers(Gone()), int, {0: ()}, lambda number, result: None)
 
 
@@ -257,14 +259,14 @@ HERE = versions()["cogless"]
 @pytest.mark.parametrize(
     ("there", "said"),
     [
-        ({}, "tcp://a:1: has no worker: expected one or more"),
+        ({}, "tcp://a:1: the cluster has no worker: expected one or more"),
         (
             {"tcp://b:1": HERE, "tcp://b:2": "0.0.1"},
-            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, as here",
+            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, the version of this command",
         ),
         (
             {"tcp://b:1": ModuleNotFoundError()},
-            f"worker tcp://b:1: has no cogless: expected {HERE}, as here",
+            f"worker tcp://b:1: has no cogless: expected {HERE}, the version of this command",
         ),
     ],
 )
@@ -504,7 +506,7 @@ def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
     lines = (tmp_path / "shard-1-of-2.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "shard-1-of-2.jsonl").write_bytes(b"".join(lines[:-1]))
     with pytest.raises(
-        StudyError, match="1 of 2 chunks: expected a finished shard; run it again, it goes on"
+        StudyError, match="1 of 2 chunks: expected a finished shard; the same command goes on with it"
     ):
         sweeping.merge(planned, tmp_path)
 

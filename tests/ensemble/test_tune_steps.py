@@ -93,7 +93,8 @@ def test_what_is_tuned_has_to_be_measured_where_it_runs(tmp_path: Path) -> None:
     with pytest.raises(StudyError) as error:
         tuning.subjects(away)
     assert str(error.value) == (
-        f'{tmp_path / "study.toml"}: tune.minimise: "ripple": expected a metric that is taken where pi runs'
+        f'{tmp_path / "study.toml"}: tune.minimise: "ripple": expected a metric of a scenario in which '
+        "pi runs"
     )
     with pytest.raises(StudyError, match=r'tune.hold: "x": expected one of none$'):
         tuning.column_of(found.model_copy(update={"metric": ()}), "x", "hold")

@@ -520,7 +520,7 @@ def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.Ca
     _, table, _ = cogless(capsys, "design", *study)
     said = re.fullmatch(r"Warning: controller\.fair: ((?:may )?grows?, .*x a period at .* Hz.*)\.", verdict)
     assert said and said[1].split(",")[0] in table
-    assert size.startswith("Warning: controller.fair: cells = 30 is 1.25 in a wave of order 24")
+    assert size.startswith("Warning: controller.fair: cells = 30 gives 1.25 cells per wave of order 24")
     assert said[1] in (tmp_path / "out" / "README.md").read_text()
     footer = (tmp_path / "out" / "fair_controller.c").read_text().split("What `cogless design` finds")[1]
     assert f"learning.verdict = {said[1]}" in footer and " unstable" not in footer

@@ -48,8 +48,11 @@ def changed(subject: Subject, law: str = "pi", foc: dict[str, Any] | None = None
 @pytest.mark.parametrize(
     ("law", "wanted"),
     [
-        ("pi", "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."),
-        ("space-speed", "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."),
+        ("pi", "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands."),
+        (
+            "space-speed",
+            "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands.",
+        ),
         (
             "trial",
             "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks.",
@@ -77,9 +80,9 @@ def test_what_comes_out_for_a_bridge(subject: Subject) -> None:
         "for the next PWM period."
     )
     brakes = (
-        "the duty cycles are one half. Open the\nbridge then (gates off): they short-circuit a motor that "
-        "turns, up to psi_f / L_d{}, and it brakes; a bridge that can't be opened needs\n`.current_max` "
-        "above twice that"
+        "all duty cycles are one half. These\nshort-circuit a turning motor, and the current brakes it with "
+        "up to psi_f / L_d{}. So open the bridge then (gates off); a bridge that\ncan't be opened needs "
+        "`.current_max` above twice this current"
     )
     assert told["safe_output"] == brakes.format(" = 2.27 A")
     each = changed(subject, foc={"L_d": 0.0}, divider=1)
@@ -132,7 +135,7 @@ def test_what_must_be_measured_of_two_phases_and_of_three(subject: Subject) -> N
 def test_a_map_is_saved_between_trials_or_while_learning_rests(subject: Subject) -> None:
     assert board(subject)["maps"] == ""
     maps = {law: board(replace(changed(subject, law), map=(3, 360)))["maps"] for law in ("pi-ilc", "trial")}
-    rests = "Before it reference.learn = false, for a step of the law or more; afterwards true again."
+    rests = "Set reference.learn = false at least one step of the law before it, and true again afterwards."
     for law, when, motor in (
         ("pi-ilc", f"From the main loop. {rests}", ".motor."),
         ("trial", "Between two trials.", ".motor, .motion."),

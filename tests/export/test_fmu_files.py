@@ -281,7 +281,7 @@ def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
         "external_reference": (
             "parameter", "boolean", "", "true: the reference is that of the inputs, not the scenario's"
         ),
-        "tau_load_added": ("input", "real", "N*m", "load torque besides that of the scenario"),
+        "tau_load_added": ("input", "real", "N*m", "load torque in addition to that of the scenario"),
         **own,
         "input.omega_ref": ("input", "real", "rad/s", "counts where external_reference is true"),
     }  # fmt: skip

@@ -290,7 +290,7 @@ def test_the_voltage_tells_a_current_in_rms(tmp_path):
     assert said.startswith("The voltage says R = 7.")
     assert said.endswith(
         "ohm, sqrt(2) times that of the file of columns (5): i_q is in rms amperes, which makes all torques "
-        "sqrt(2) too small, or the winding is 105 K warmer; record i_a and i_b, which tell it."
+        "sqrt(2) too small, or the winding is 105 K warmer; record i_a and i_b, which decide it."
     )
 
 
@@ -334,5 +334,5 @@ def test_a_log_that_only_accelerates_is_said_to_have_no_line(tmp_path):
     made = diagnose(tmp_path, text, {name: logs[name] for name in ("slow", "sweep")})
     assert "sweep.npz" not in made.whole
     assert made.uses == {
-        "sweep.npz": "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+        "sweep.npz": "no turn at a steady speed: used for inertia, friction and orders, not for shares"
     }

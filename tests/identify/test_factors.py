@@ -108,7 +108,8 @@ def cases(name: str) -> dict[str, tuple[dict[str, float], str, set[str]]]:
         ),
         "both in degrees": (
             {"theta": DEGREES, "omega": DEGREES},
-            'degrees would not jump: expected columns.theta.unit = "deg" and columns.omega.unit = "deg/s"',
+            'read as degrees the angle would not jump: expected columns.theta.unit = "deg" and '
+            'columns.omega.unit = "deg/s"',
             of_both,
         ),
         "both in turns": (

@@ -98,7 +98,7 @@ def test_a_rounded_clock_is_a_regular_one_and_a_jittering_one_is_interpolated(tm
     regular = np.arange(ROWS) * 2.4
     (rounded,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": np.round(regular)})
     assert len(rounded) == ROWS
-    told = "rows are 2.4 ms apart, with a spread of 0.49 ms rms; their times are taken for rounded, and the"
+    told = "rows are 2.4 ms apart, with a spread of 0.49 ms rms; the times are taken as rounded, and the"
     assert any(told in line for line in rounded.remarks)
     jitter = regular + np.random.default_rng(0).uniform(-0.5, 0.5, ROWS)
     columns = {**COLUMNS, "ms": jitter, "current": np.interp(jitter, regular, theta)}
@@ -159,8 +159,8 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
     with pytest.raises(StudyError) as caught:
         load_logs([path], loaded)
     assert str(caught.value) == (
-        f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes: "
-        "current with scale = 1.41421 in the file of columns"
+        f"{path}: current is 0.707 of the amplitude that a and b have, as if it were rms: expected peak "
+        "amperes: current with scale = 1.41421 in the file of columns"
     )
 
 
@@ -285,7 +285,7 @@ def test_a_log_with_times_of_day_is_that_in_seconds(tmp_path):
     (tmp_path / "id.toml").write_text(plan.text(changed(tomllib.loads(ID), advice.cures[0])))
     (log,) = load_logs([path], config.load(tmp_path / "id.toml"))
     assert log.dt == pytest.approx(1e-3) and len(log) == 10_000
-    assert any("the clock begins anew 1 times, after 86400 s" in remark for remark in log.remarks)
+    assert any("the time begins again 1 times, after 86400 s" in remark for remark in log.remarks)
     path.write_text(path.read_text().replace("ms,counts", "counts,ms"))
     with pytest.raises(StudyError, match=r"counts: times of day: expected numbers, or columns\.t\.name = "):
         load_logs([path], config.load(tmp_path / "id.toml"))
@@ -370,7 +370,8 @@ def test_a_column_that_a_file_lacks_is_told_with_the_nearest_heading(tmp_path, n
     near = {"currents" if key == "current" else key: x for key, x in COLUMNS.items()}
     said, (renamed,) = refused(tmp_path, name, near)
     assert (
-        said == 'no column "current" (i_q, near "currents"): expected in columns a heading that the file has'
+        said
+        == 'no column "current" (i_q, near "currents"): expected in [columns] a heading that this file has'
     )
     assert cured(tmp_path, renamed, name)[0]["i_q"][[0, -1]] == pytest.approx([0.1, -0.1])
 
@@ -400,8 +401,9 @@ def test_a_column_is_that_of_the_files_that_have_it(tmp_path):
         load_logs(paths, known(tmp_path))
     (advice,) = caught.value.mistakes
     assert advice == (
-        f'{paths[1]}: no column "current" (i_q); it has "ms", "counts": expected in columns a heading that '
-        'the file has, or columns.i_q.files = ["a[[]1].npz"]'
+        f'{paths[1]}: no column "current" (i_q); it has "ms", "counts": expected in [columns] a heading '
+        "that this file has"
+        ', or columns.i_q.files = ["a[[]1].npz"]'
     )
     a, b = cured(tmp_path, *advice.cures, *(path.name for path in paths))
     assert (set(a.signals), set(b.signals)) == ({"theta", "i_q"}, {"theta"})
@@ -423,7 +425,7 @@ def test_a_log_of_nothing_but_the_time_is_refused(tmp_path):
     (tmp_path / "id.toml").write_text(
         "\n".join(x for x in ID.splitlines() if x[:5] not in ("theta", "i_q ="))
     )
-    with pytest.raises(StudyError, match=r"a.npz: nothing but the time: expected an angle, a speed or a "):
+    with pytest.raises(StudyError, match=r"a.npz: no column but the time: expected an angle, a speed or a "):
         load_logs([tmp_path / "a.npz"], config.load(tmp_path / "id.toml"))
 
 
@@ -446,7 +448,11 @@ def test_text_before_a_heading_is_left_out_within_fifty_lines(tmp_path):
 @pytest.mark.parametrize(
     ("name", "columns", "said"),
     [
-        ("a.npz", {"x": np.zeros(3), "y": np.zeros(4)}, "columns of 3 and 4 rows: expected as many in each"),
+        (
+            "a.npz",
+            {"x": np.zeros(3), "y": np.zeros(4)},
+            "columns of 3 and 4 rows: expected columns of equal length",
+        ),
         ("a.npz", {"x": np.zeros(0)}, "no rows: expected a log"),
         (
             "a.npz",
@@ -490,7 +496,7 @@ def test_columns_that_are_no_log_are_refused(tmp_path, name, columns, said):
         ("A.CSV.GZ", b"x\n1\n", ": expected a readable CSV file"),
         ("a.mat", b"text" * 40, ": expected a readable MAT file"),
         ("a.parquet", b"text" * 40, ": expected a readable Parquet file"),
-        ("a.mf4", b"text" * 40, ": it does not begin as MDF 4 does: expected a readable MDF4 file"),
+        ("a.mf4", b"text" * 40, ": it does not begin like an MDF 4 file: expected a readable MDF4 file"),
         ("a.nc", b"text" * 40, ": expected a readable netCDF file"),
     ],
 )
@@ -722,7 +728,7 @@ def test_a_recorder_that_is_triggered_gives_no_packets(tmp_path):
     with pytest.raises(StudyError) as caught:
         logs(tmp_path, "a.npz", {**packets, "ms": time, "counts": np.floor(5.3 * time)})
     assert str(caught.value) == (
-        f"{tmp_path / 'a.npz'}: no 100 rows without a gap: expected a log without so many gaps"
+        f"{tmp_path / 'a.npz'}: fewer than 100 rows between its gaps: expected a log with fewer gaps"
     )
 
 
@@ -759,7 +765,7 @@ def test_a_column_that_ends_before_the_log_is_told_with_its_time(tmp_path):
     (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "current": current})
     assert len(log) == ROWS - 401
     assert log.remarks == [
-        'a.npz: "current" ends at 0.599 s, the log at 0.999 s: it is used up to there.',
+        'a.npz: "current" ends at 0.599 s, the log at 0.999 s: the log is used up to there.',
         'a.npz: 1 rows lack a number (1 in "current") and are left out.',
         "a.npz: 1 gaps, the longest 0.002 s; the log is cut there.",
         "a.npz: the angle wraps 1 times, and is unwrapped.",
@@ -791,5 +797,5 @@ def test_a_decimal_comma_is_seen_beside_an_empty_cell(tmp_path):
     parts = known(tmp_path, "[columns]", '[columns]\npart = "part"')
     part = np.where(np.arange(ROWS) == 4, np.nan, 1.0)
     np.savez(tmp_path / "a.npz", **COLUMNS, part=part)
-    with pytest.raises(StudyError, match=r"a.npz: part: row 5: no number: expected that of a part$"):
+    with pytest.raises(StudyError, match=r"a.npz: part: row 5: no number: expected the number of a part$"):
         load_logs([tmp_path / "a.npz"], parts)

@@ -222,7 +222,7 @@ def test_a_log_of_another_law_is_left_out_and_told_where_no_other_is(monkeypatch
     assert none.delay is None and none.remark == (
         "log 1: i_q does not follow the angle as under the described controller (11 % differs), so the delay "
         "is known only to half a period of the law: its gains, or the drive's rates, filter or "
-        "bandwidth, are others than described."
+        "bandwidth, differ from the described ones."
     )
     faint = told(monkeypatch, replace(like, away=like.away / 100))[0].delay  # it tells that all are likely
     assert faint is not None and faint.error == pytest.approx((9.9e-4 + 1e-5) / 2 + BETWEEN)

@@ -248,16 +248,17 @@ def test_an_uneven_spacing_of_rows_is_told_from_a_twentieth_of_a_period_of_jitte
         ({key: x[:99] for key, x in COLUMNS.items()}, "99 rows: expected 100 or more"),
         (
             {key: x for key, x in COLUMNS.items() if key != "ms"},
-            'no column "ms" (t); it has "counts", "current": expected in columns a heading that the file has',
+            'no column "ms" (t); it has "counts", "current": expected in [columns] a heading that this '
+            "file has",
         ),
         (
             {**COLUMNS, "ms": np.arange(1000) + 10.0 * (np.arange(1000) // 90)},
-            "no 100 rows without a gap: expected a log without so many gaps",
+            "fewer than 100 rows between its gaps: expected a log with fewer gaps",
         ),
         (
             {**COLUMNS, "counts": COLUMNS["counts"] + 1500.0 * (np.arange(1000) >= 60)},
-            "counts: row 61: the angle jumps, and only 60 rows are before: expected 100 or more of an "
-            "encoder's angle, not one of Hall sensors",
+            "counts: row 61: the angle jumps, and only 60 rows are before the jump: expected 100 or more "
+            "of an encoder's angle, not one of Hall sensors",
         ),
     ],
 )
@@ -363,7 +364,8 @@ def test_an_angle_that_wraps_is_unwrapped_and_one_of_no_turn_is_refused() -> Non
     with pytest.raises(StudyError) as error:
         logging._unwrapped("a", "a: x", theta % 10.0, NO_GAP, remarks, TICK)
     assert str(error.value) == (
-        "a: x: row 201: the angle jumps by 9.95 rad, which is no turn: expected its unit, such as unit = "
+        "a: x: row 201: the angle jumps by 9.95 rad, which is not a whole turn: expected its unit, such "
+        "as unit = "
         '"deg", or counts that do not overflow'
     )
     logging._unwrapped("a", "a: x", np.array([0.0, math.pi, 0.0]), NO_GAP, half := [], TICK)
@@ -381,7 +383,7 @@ def test_a_count_that_overflows_after_several_turns_is_laid_end_to_end(
     theta = logging._unwrapped("a", "a: x", tick * logged, NO_GAP, remarks, tick)
     assert theta - theta[0] == pytest.approx(tick * true, abs=1e-4)
     times = np.sum(np.abs(np.diff(logged)) > size // 2)
-    assert times and remarks == [f"a: the count overflows {times} times, at {size}; it is laid end to end."]
+    assert times and remarks == [f"a: the count overflows {times} times, at {size}, and is unwrapped."]
 
 
 # --- steady parts
@@ -571,7 +573,8 @@ def test_a_clock_that_begins_anew_is_laid_end_to_end(unit: str, period: float, t
     whole = logging._one_clock("a.csv", t, known, remarks)
     assert whole - whole[0] == pytest.approx(T, abs=1e-6)
     assert remarks == [
-        f"a.csv: the clock begins anew {times} times, after {period * factor:.7g} s; it is laid end to end."
+        f"a.csv: the time begins again {times} times, after {period * factor:.7g} s; the parts are "
+        "joined end to end."
     ]
     restarted = np.concatenate([T[:1000], T[:500]])
     assert logging._one_clock("a.csv", restarted, known, remarks) is restarted and len(remarks) == 1

@@ -223,7 +223,7 @@ def test_a_voltage_that_drives_no_current_is_refused(tmp_path):
         planned(tmp_path, servo(), 2)
     assert str(error.value) == (
         f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 2 V: expected more: the plan's currents take "
-        f"{0.8 * (2 + 0.1) / (2 / math.sqrt(3)):.3g} times that at rest"
+        f"{0.8 * (2 + 0.1) / (2 / math.sqrt(3)):.3g} times this voltage at standstill"
     )
 
     times = float(re.findall(r"take ([\d.]+) times", str(error.value))[0])
@@ -237,7 +237,8 @@ def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
     most = plan.highest(load(tmp_path / "motor.toml"), "pi") * 30 / math.pi
     assert str(error.value) == (
         f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 6 V: expected more: cogging stops this rotor "
-        f"below {least:.3g} rpm, so the plan needs {3 * least:.3g} rpm, and the voltage reaches {most:.3g}"
+        f"below {least:.3g} rpm, so the plan needs {3 * least:.3g} rpm, but the voltage reaches only "
+        f"{most:.3g}"
     )
     assert planned(tmp_path, STEPPER, 6 * 3 * least / most * 1.3)
 
@@ -247,8 +248,8 @@ def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
     [
         (
             {"drive.position_sensor": {"kind": "hall"}},
-            "drive.position_sensor: Hall sensors show six angles of an electrical revolution, too few for "
-            "cogging and friction: expected an encoder, which may be on loan",
+            "drive.position_sensor: Hall sensors show six angles of an electrical revolution, too few "
+            "for cogging and friction: expected an encoder, for the time of the logs",
         ),
         (
             {"controller": {"ilc": {**PI["pi"], "law": "pi-ilc", "gain": "0.1 A*s/rad"}}},

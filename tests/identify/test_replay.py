@@ -227,13 +227,13 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert found.remarks == (
         "First.",
         f"Not simulated: b. {replay.UNCORRECTED} To be simulated, a log needs its reference and controller "
-        "(a [[log]] in the file of columns), a current loop whose rate is a multiple of its rows' rate, and "
-        "no table on. Add what is missing, or leave the log out.",
+        "(a [[log]] in the file of columns), a current loop whose rate is a multiple of its rows' rate, "
+        "and no cogging table switched on. Add what is missing, or leave the log out.",
     )
     steps["traces"] = {}  # none is left that could stand alone
     found, traces = replay.refined(made, lambda *of: None)
     assert found.remarks[1].startswith(f"Not simulated: a, b. {replay.UNCORRECTED} ")
-    assert found.remarks[1].endswith("no table on.")
+    assert found.remarks[1].endswith("no cogging table switched on.")
     steps["traces"] = StudyError("why")
     found, traces = replay.refined(made, lambda *of: None)
     assert (found.remarks[1], traces) == (

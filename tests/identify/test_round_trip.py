@@ -148,7 +148,10 @@ def test_the_report_says_what_was_found(chain):
 
 def test_mistakes_on_the_command_line_are_told(tmp_path):
     for arguments, message in (
-        (["identify"], "identify: expected logs and --config FILE or --drive NAME, or --plan STUDY"),
+        (
+            ["identify"],
+            "identify: expected logs, with --config FILE or --drive NAME; or without logs --plan STUDY",
+        ),
         (
             ["identify", "--plan"],
             "Option '--plan' requires an argument: expected --plan STUDY. See cogless id",

@@ -169,8 +169,8 @@ def test_inertia_that_is_not_larger_than_its_error_takes_friction_along(known: I
         made = findings.without_nonsense(estimate(known, values={"j": Value(inertia, 1.0), **told}), left)
         assert set(made.values) == ({"j", *told} if kept else {"offset"})
         said = (
-            "Inertia is not larger than its error, and friction and delay are not told without it; add an "
-            "acceleration log."
+            "Inertia is not larger than its error, and without the inertia friction and delay cannot be "
+            "identified; add an acceleration log."
         )
         assert left == [said] * (not kept)
         assert made.left_out == tuple(left)
@@ -210,7 +210,8 @@ def test_orders_that_no_log_shows_are_named_with_the_speed_at_which_one_would(kn
     assert set(made.values) == set(values)
     (line,) = left
     assert (
-        line == "one.csv: seen up to order 6 at 13 rev/s, the slowest; order 24 of the motor needs 3 rev/s."
+        line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed; order 24 of the motor "
+        "needs 3 rev/s."
     )
     just = 80 * 6.25 / 24  # what is advised has a tenth to spare
     assert isinstance(line, Advice) and line.cures[0]["record.speed"] == pytest.approx(0.9 * just)
@@ -310,14 +311,14 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
     still = "one.csv: the rotor stands still"
     rest = "of the time, where friction is not known"
     assert findings._sticks(known, log(theta=slips)) == (
-        f"{still} 77 % {rest}: it sticks, and slips at 20 rev/s; record it at that speed or faster, with "
+        f"{still} 77 % {rest}: the rotor sticks and slips at 20 rev/s; record at this speed or faster, with "
         "1500 rows a second or more, or with more feedback."
     )
     slow = findings._sticks(known, log(theta=slips / 10))
-    assert slow is not None and "slips at 2 rev/s; record it at that speed or faster, with 1000 rows" in slow
+    assert slow is not None and "slips at 2 rev/s; record at this speed or faster, with 1000 rows" in slow
     for rows, sticks in ((310, True), (210, False)):
         said = findings._sticks(known, log(theta=slips[:rows], rows=rows))
-        assert said is not None and ("it sticks" in said) == sticks
+        assert said is not None and ("the rotor sticks" in said) == sticks
     counts = 2.0**-10 * (np.arange(2000) // 20)
     assert findings._sticks(known, log(theta=counts)) == (
         f"{still} 100 % {rest}; turn faster, or with more feedback."
@@ -351,8 +352,8 @@ def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) ->
     currents = {"i_a": 0.0, "i_b": 0.0}
     taken = "With the bridge off the phase currents show 0, 0, -0 mA; this is taken out of i_q."
     turned = (
-        "off.csv: no value but the currents' offsets is from this log: with the bridge off it is not known "
-        "what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+        "off.csv: only the currents' offsets are from this log: with the bridge off it is not known what "
+        "turns the rotor; if nothing turns it, give the log the kind coast-down."
     )
     for turns, said in ((0.0, [taken]), (0.99, [taken]), (1.01, [taken, turned])):
         off = log("off.csv", "bridge-off", theta=turns * TURN * np.linspace(0, 1, 2000), **currents)
@@ -380,7 +381,7 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
     bare = turning(0.5)
     del bare.signals["i_q"]
     assert findings.usable(plain, [bare])[1] == [
-        "one.csv: no current: torque is not known; record i_q, or say that the log is a coast-down."
+        "one.csv: no current: torque is not known; record i_q, or give the log the kind coast-down."
     ]
     for rate, turns in ((200.0, 1.01), (50.0, 0.99), (20_000.0, 3.0)):
         speed = turns * TURN * 200 / 8 / 24
@@ -651,12 +652,12 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
 def test_every_log_without_a_steady_part_says_what_it_is_used_for() -> None:
     logs = [turning(1.0), log("still.csv", dt=0.0), log("off.csv", "bridge-off"), log("poor.csv", omega=1.0)]
     assert diagnosis._uses(logs, {"one.csv"}, set()) == {
-        "still.csv": "holds the rotor: cogging is from it",
-        "off.csv": "the bridge is off: offsets of the phase currents are from it",
-        "poor.csv": "no turn at a steady speed, and no torques: it is not used",
+        "still.csv": "the rotor is held: used for the cogging",
+        "off.csv": "the bridge is off: used for the offsets of the phase currents",
+        "poor.csv": "no turn at a steady speed, and no torques: not used",
     }
     assert diagnosis._uses(logs[:1], set(), {"one.csv"}) == {
-        "one.csv": "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+        "one.csv": "no turn at a steady speed: used for inertia, friction and orders, not for shares"
     }
 
 

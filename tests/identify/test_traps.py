@@ -96,7 +96,7 @@ def test_a_rotor_that_sticks_is_told_with_the_speed_at_which_it_would_not(tmp_pa
     slipping = {key: np.interp(late, log["t"], log[key]) for key in ("theta", "omega")}
     made = told(tmp_path, text, changed(logs, "one-speed", **slipping))
     (line,) = (line for line in made.remarks if line.startswith("one-speed.npz: the rotor stands still"))
-    assert "it sticks, and slips at" in line
+    assert "the rotor sticks and slips at" in line
     speed, rows = re.findall(r"at ([\d.]+) rev/s.* with (\d+) rows a second", line)[0]
     assert float(speed) == pytest.approx(2, rel=0.2)
     assert float(rows) == pytest.approx(max(1000, 3 * 24 * float(speed)), rel=0.06)  # order 6 p in sight
@@ -121,7 +121,7 @@ def test_the_sign_of_a_column_turns_it(tmp_path):
         ),
         (
             "i_q",
-            "no current{}: torque is not known; record i_q, or say that",
+            "no current{}: torque is not known; record i_q, or give",
         ),
     ],
 )
@@ -224,7 +224,8 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             b"t,theta,omega,I_q [A]\n1,2,3,4\n",
-            'a.csv: no column "i_q" (i_q, near "I_q [A]"): expected in columns a heading that the file has',
+            'a.csv: no column "i_q" (i_q, near "I_q [A]"): expected in [columns] a heading that this '
+            "file has",
         ),
         (
             "a.csv",
@@ -234,7 +235,7 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             CSV.replace("t,theta", "T,theta").encode(),
-            'a.csv: no column "t" (t, near "T"): expected in columns a heading that the file has',
+            'a.csv: no column "t" (t, near "T"): expected in [columns] a heading that this file has',
         ),
         (
             "a.csv",

@@ -75,9 +75,8 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
         said = voltage._of_k_t(known, Value(value, 0.01))
         assert said == (
             f"The voltage says {begins} +- 0.01 N*m/A; the file of columns has 0.3. Magnets that are 50 K "
-            "warmer, or the gain of the voltage's measurement, make as much, so it is open which is right; "
-            "all "
-            "torques are in proportion to it."
+            "warmer, or the gain of the voltage's measurement, have the same effect, so it is open which "
+            "value is right; all torques are in proportion to it."
         )
         assert not isinstance(said, voltage.Agreement | Advice)
     for value, begins in ((0.38, "K_t = 0.38"), (0.23, "K_t = 0.23")):
@@ -93,8 +92,7 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
     assert voltage._of_r(known, Value(2.7, 0.13)) == [
         "The voltage says R = 2.7 +- 0.13 ohm, sqrt(2) times that of the file of columns (2): i_q is in "
         "rms amperes, which makes all torques sqrt(2) too small, or the winding is 105 K warmer; record i_a "
-        "and "
-        "i_b, which tell it."
+        "and i_b, which decide it."
     ]
     assert voltage._of_r(known, Value(2.7, 0.12)) == []  # 2.83 is not within its error
     assert voltage._of_r(known, Value(2.83, 0.282)) and not voltage._of_r(known, Value(2.83, 0.284))

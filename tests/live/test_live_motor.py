@@ -219,9 +219,9 @@ def test_a_load_behind_a_shaft_is_told_how_it_gets_a_page():
     study = load(MY_MOTOR, {"mechanics.load_side": side})
     with pytest.raises(StudyError) as error:
         adjustable(study, for_own_motor=True)
-    expected = "--own-motor: expected numbers that follow the motor's keys as products of powers, which"
-    assert str(error.value).startswith(f"{MY_MOTOR}: {expected} controller.config.")
-    assert str(error.value).endswith(" does not; cogless live takes the study without --own-motor")
+    expected = "expected a product of powers of the motor's values"
+    assert str(error.value).startswith(f"{MY_MOTOR}: --own-motor: controller.config.")
+    assert str(error.value).endswith(f"{expected}; cogless live takes the study without --own-motor")
     assert "scenario.slow.reference" in {key.candidate.key for key in adjustable(study).keys}
 
 
@@ -276,7 +276,7 @@ def test_another_motor_gives_the_numbers_of_set(own, shown, tmp_path):
     assert mine.controller == other.controller
     shown.run("cogless.set('motor.inductance_line_to_line', 0.04)")  # 1.06 ohm: 38 us
     assert sets_of(shown) == sets
-    told = "with 0.04, L / R is 0.0377 ms: this page has 0.103 ms to 12.3 ms. It stays at 0.42."
+    told = "with 0.04, L / R is 0.0377 ms: this page has 0.103 ms to 12.3 ms. The value stays at 0.42."
     assert shown.run("return document.querySelector('.told .bounds').textContent") == told
 
 
@@ -322,7 +322,9 @@ def test_a_number_that_is_no_product_is_refused(own):
         made = changed(study, other | {"mechanics.inertia": f"{inertia!r} kg*m^2"})
         return packed(made, [("slow", "pi")], study)
 
-    with pytest.raises(StudyError, match=r"as products of powers, which mechanics\.inertia does not; "):
+    with pytest.raises(
+        StudyError, match=r"mechanics\.inertia: expected a product of powers of the motor's values; "
+    ):
         own_motor.own_motor(base, bent, keys, lambda key: key)
 
 

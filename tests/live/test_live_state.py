@@ -134,4 +134,4 @@ def test_values_that_no_page_could_have_together_are_left_out_and_told(tmp_path,
     assert [set(page["notes"]) for page in made] == [{RESISTANCE, INDUCTANCE}, {RESISTANCE}]
     for page in made:
         for name, note in page["notes"].items():
-            assert "L / R is" in note and note.endswith(f"It stays at {starts[name]:g}.")
+            assert "L / R is" in note and note.endswith(f"The value stays at {starts[name]:g}.")

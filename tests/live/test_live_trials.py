@@ -147,7 +147,7 @@ def test_a_law_with_a_matrix_is_left_out_and_named(tmp_path):
     study = trial_studies.loaded(tmp_path, text=trial_studies.DRIVE + NORM_OPTIMAL)
     assert [controller for _, controller in page_runs(study)] == ["ilc", "feedback"]
     assert left_out(study) == [
-        "matrix: its learning matrix, of a number for each two samples, is too large for a page."
+        "matrix: its learning matrix, with one number for each pair of samples, is too large for a page."
     ]
 
 

@@ -111,7 +111,7 @@ def test_reasons() -> None:
     assert refusal(bytes(image)).startswith("damaged: the entries' CRC is 0x")
     image = bytearray(bytes(EXAMPLE))
     image[80:] = b"\xff" * 16
-    assert refusal(bytes(image)) == "damaged: no mark in the end: its save was not finished"
+    assert refusal(bytes(image)) == "damaged: no mark at the end: the map was not saved completely"
     too_large = replace(EXAMPLE, limits=(0.75,))
     assert refusal(bytes(too_large)) == "entry 1 of channel 1 is -1: expected a number within +-0.75"
     infinite = replace(EXAMPLE, values=np.array([[0.0, np.nan, np.inf]]))
@@ -140,7 +140,7 @@ def test_a_header_that_no_firmware_writes(place: int, kind: str, value: int) -> 
     image = bytearray(bytes(EXAMPLE))
     struct.pack_into(f"<{kind}", image, place, value)
     image[60:64] = struct.pack("<I", crc32(image[:60]))
-    assert refusal(bytes(image)) == "a header that is none of version 1, with a CRC that is right"
+    assert refusal(bytes(image)) == "a header that is not valid in version 1, though its CRC is right"
 
 
 def test_a_map_s_entries_are_no_map() -> None:

@@ -65,7 +65,7 @@ FOUND = Comparison(
 def test_a_comparison_s_lines() -> None:
     """What does not exist has no line; a file below half an instruction a period is not named."""
     assert comparison_lines(FOUND) == [
-        "result            every output and what was learned: bit for bit equal",
+        "result            every output and all learned values: bit for bit equal",
         "compared          100 periods of liu2018, 60-rpm/pi",
         "instructions      300 to 900, mean 412.2",
         "  with the law    800 to 900, mean 850.0",
@@ -74,7 +74,7 @@ def test_a_comparison_s_lines() -> None:
         "  end of a trial  1234",
         "stack             200 bytes",
         "flash             9000 bytes, 500 of them the configured constants",
-        "RAM               1500 bytes, 1028 of them what the law learns into",
+        "RAM               1500 bytes, 1028 of them memory of the learned values",
         "compiler          gcc 12 -O2",
     ]
     without = {

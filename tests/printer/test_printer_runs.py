@@ -175,8 +175,8 @@ def gap(text: str) -> str:
         ({"rate": 200}, None, "200 samples a second: expected 800 or more"),
         ({"level": 156906.0}, None, "the end of its range"),
         ({}, gap, "without a sample"),
-        ({}, lambda text: text[:-20], "line 9601, its last: cut: expected the whole file"),
-        ({}, lambda text: text + "5", "line 9602, its last: cut: expected the whole file"),
+        ({}, lambda text: text[:-20], "line 9601: the file is cut here: expected the whole file"),
+        ({}, lambda text: text + "5", "line 9602: the file is cut here: expected the whole file"),
         ({}, lambda text: text + text.splitlines()[-1] + "\n", "line 9602: the time does not grow"),
         ({}, lambda text: text.replace("#time", "time"), 'its first line is not "#time,'),
         ({}, lambda text: text.replace(",0,0\n", ",0\n", 1), "line 2: expected four finite numbers"),
@@ -207,7 +207,7 @@ def test_ramps_without_a_partner_or_a_direction_are_refused(
     assert "has no partner: expected a second log, with probe in its name" in alone
     other = tmp_path / "other.csv"
     other.write_text(paths[0].read_text())
-    assert "its name says no run" in identify(capsys, axis_file, [other], "klipper")[2]
+    assert "the file's name tells no run" in identify(capsys, axis_file, [other], "klipper")[2]
 
 
 @pytest.mark.parametrize(

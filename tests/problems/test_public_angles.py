@@ -421,7 +421,7 @@ def test_a_speed_by_counts_jumps_between_nothing_and_a_count(tmp_path: Path) -> 
     """
     drive = study(tmp_path, SMALL, SPINDLE)
     (remark,) = beyond_drive(drive, ["slow"])
-    assert "0.4 counts come in a speed sample: most read 0, others 150 rpm" in str(remark)
+    assert "0.4 counts come in a speed sample: most samples read 0, the others 150 rpm" in str(remark)
     results, limiting = limited(drive)
     shown = results.runs[0].trace.part("omega_measured", slice(1000, None))
     count = math.tau / 400 / 1e-3
@@ -633,7 +633,7 @@ def test_hall_bursts_need_less_gain_and_an_integral_that_starts_the_rotor(tmp_pa
     mean, ripple = mean_and_ripple(drive)
     assert mean < 8.5 and ripple > 10
     remark = pi_remark(drive)
-    assert "the speed is 26 ms late, which leaves nothing of 35 deg of phase margin" in str(remark)
+    assert "the measured speed is 26 ms late, which leaves none of the 35 deg of phase margin" in str(remark)
     (cured,) = remark.cured(drive)
     after, calm = mean_and_ripple(cured)
     assert after == pytest.approx(10, rel=0.02) and calm < 0.3 * ripple

@@ -178,7 +178,7 @@ def test_hall_edges_come_later_than_the_loop_from_rest_can_wait(tmp_path: Path) 
     study = problem(tmp_path, VELINEON)
     remark = designed(study, "an edge comes every")
     # 2 pole pairs have 12 edges a turn, and 500 r/min are 8.33 turns a second
-    assert "every 10 ms and the speed is the mean over 6 of them" in str(remark)
+    assert "every 10 ms and the speed is the mean over 6 such intervals" in str(remark)
     assert "no controller holds the speed" in headline(study)
     helps(study, remark, 0.05)
     assert speed_error(study, {"drive.current_loop.current_limit": "120 A"}) > 0.5  # not the current
@@ -230,7 +230,7 @@ def test_a_stepper_at_half_a_turn_a_minute_snaps_by_its_detent(tmp_path: Path) -
     detent pulls faster than the loop: more counts don't help, less detent or more speed does."""
     study = problem(tmp_path, NEMA)
     remark = designed(study, "stops and snaps")
-    assert "most by order 200, whose detents pull at 137 Hz" in str(remark)
+    assert "most of it by order 200, whose detents pull at 137 Hz" in str(remark)
     helps(study, remark, 0.1)
     before = speed_error(study)
     assert before > 5
@@ -268,7 +268,7 @@ def test_a_gimbal_jumps_below_the_speed_that_its_gains_carry(tmp_path: Path) -> 
     and to filter the speed more. The gains help, the filter takes their margin away."""
     study = problem(tmp_path, GIMBAL)
     remark = designed(study, "stops and snaps")
-    assert "most by order 84" in str(remark)
+    assert "most of it by order 84" in str(remark)
     helps(study, remark, 0.3)
     results, tried = limited(study)
     assert results.limits["x"].named[0].name == "disturbance"
@@ -329,7 +329,7 @@ def test_a_calibration_that_sticks_needs_gains_stiffer_than_its_detents(tmp_path
     gains were the cure."""
     study = problem(tmp_path, SK3)
     remark = designed(study, "calibration run in x records nothing", "map")
-    assert "most by order 84, whose detents pull at 18.8 Hz" in str(remark)
+    assert "most of it by order 84, whose detents pull at 18.8 Hz" in str(remark)
     helps(study, remark, 0.4, "map")
     per_rad = 8192 / (2 * np.pi)
     of_thread = {
@@ -361,7 +361,7 @@ def test_a_late_angle_turns_the_torque_round(tmp_path: Path) -> None:
     a quarter of an electrical turn at 51 turns a second."""
     study = problem(tmp_path, MOTEUS)
     remark = designed(study, "electrical) late")
-    assert "turns the torque round" in str(remark)
+    assert "reverses the torque" in str(remark)
     helps(study, remark, 0.1)
     speed = simulate(study, "x", "pi").trace["omega_m"][-1] / (2 * np.pi)
     assert speed == pytest.approx(1 / (4 * 7 * 0.7e-3), rel=0.1)  # where cos(p omega tau) = 0

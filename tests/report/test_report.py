@@ -226,7 +226,7 @@ def test_the_guard_is_told_once_for_all_metrics_of_a_controller(made):
         ("ripple", "3.5 to 5.1 s"), ("loss", "1 to 2 s"), ("dip", "1 to 2 s")))  # fmt: skip
     said = (
         "the guard paused the learning of PI-ILC, 3.5 to 5.1 s, to compare the ripple with that of the "
-        "feedback alone: its ripple is in part from that time"
+        "feedback alone: its ripple is in part from this time"
     )
     assert held_back(made.study, [one]) == held_back(made.study, [one, two, three]) == [said]
     other = replace(two, guarded={"fair-pi": "1 to 2 s"})

@@ -74,7 +74,7 @@ def test_up_to_three_faults_are_told_and_the_others_are_counted(told):
         ([{"largest_current": None}, {}], "better", f"{USUALLY}."),
         ([{"ripple_after": 1.25 * RPM}], "better", f"{USUALLY}."),
         ([{"ripple_after": 1.26 * RPM}, {}], "even", f"{MORE} than before: pi 1.26 times."),
-        ([{}, {"ripple_after": None}], "even", f"{USUALLY}, where that can be told."),
+        ([{}, {"ripple_after": None}], "even", f"{USUALLY}, where this can be judged."),
         ([{"ripple_after": None}], "even", ""),
         (
             [{"largest_current": 5.0, "ripple_after": 2 * RPM}],

@@ -125,7 +125,7 @@ def test_without_a_like_scenario_the_ripple_before_is_the_measure(made):
         in verdict_on(changed(alone, ripple_after=2 * usual)).headline
     )
     unknown = verdict_on(changed(alone, before=None, ripple_before=None))
-    assert unknown.tone != "better" and unknown.headline.endswith(", where that can be told.")
+    assert unknown.tone != "better" and unknown.headline.endswith(", where this can be judged.")
 
 
 def test_a_rotor_that_stands_afterwards_has_no_small_ripple(made):

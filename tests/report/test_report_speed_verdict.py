@@ -408,7 +408,7 @@ def test_what_a_sensor_adds_of_its_own_is_told_where_it_is_most(study):
     own += " (its share of the square)"
     assert room._by_what_is_seen(whole, Sensor(seen, one), None) == (
         whole,
-        f"{own}: {ILC} 1.00 rpm (84 %). As measured there is left: {ILC} 0.400 rpm.",
+        f"{own}: {ILC} 1.00 rpm (84 %). In the measured values there is left: {ILC} 0.400 rpm.",
     )
     every = {"pi": 0.75, "pi-ilc": 0.84, "fair-pi": 0.51}
     judged, said = room._by_what_is_seen(whole, Sensor(seen, every), None)

@@ -78,7 +78,7 @@ def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
     assert len(told) == len(learning)
     label = held.study.label(learning[0])
     assert told[0].startswith(f"the guard paused the learning of {label}, 8.5 to 9.75 s, to compare ")
-    assert told[0].endswith(" is in part from that time")
+    assert told[0].endswith(" is in part from this time")
     found = verdict(held, runs_in(held, WHERE))
     assert any(line.startswith("The guard paused the learning of") for line in found.details)
 
@@ -91,7 +91,7 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     harms = replace(DESIGNS["speed"], likely_harm=lambda study, controller: "it learns orders 5 k")
     monkeypatch.setattr(comparison, "DESIGNS", {**DESIGNS, "speed": harms})
     for times, said in (
-        (1.24, "its speed ripple is in part from that time"),
+        (1.24, "its speed ripple is in part from this time"),
         (
             4.5,
             f"learning does harm here, 4.50 times the speed ripple of {base}",
@@ -111,7 +111,7 @@ def test_a_law_whose_own_feedback_did_not_run_is_not_said_to_do_harm(made):
     base = plain.values[slower.baseline]
     line = replace(plain, values={**plain.values, "pi-ilc": 2.12 * base})
     (told,) = (one for one in held_back(slower, [line]) if slower.label("pi-ilc") in one)
-    beside = f"what is left there is 2.12 times the speed ripple of {slower.label(slower.baseline)}"
+    beside = f"its ripple there is 2.12 times the speed ripple of {slower.label(slower.baseline)}"
     assert told.endswith(f": {beside}, whose feedback is another") and "harm" not in told
 
 

@@ -372,7 +372,7 @@ def test_a_certificate_may_fail_though_no_frequency_grows(made, growth, why):
 
 def test_a_run_that_diverges_is_told_beside_its_certificate(study):
     growing = synthetic.trial_results(study, {"ilc": 4e-4 * 1.1 ** np.arange(60.0)})
-    assert (f"The models certify {ILC}, but this run does not: the run counts.") in verdicts(growing)[
+    assert (f"The models certify {ILC}, but this run contradicts them: the run counts.") in verdicts(growing)[
         0
     ].details
 
@@ -395,7 +395,7 @@ def test_a_run_outside_the_ranges_is_not_called_certified(made):
 
     outside = told(replace(made, runs=[one(run) for run in made.runs]))
     (line,) = outside
-    assert line.startswith(f"Of {ILC} the certificate doesn't speak: scenario table-1")
+    assert line.startswith(f"Of {ILC} the certificate says nothing: scenario table-1")
 
 
 def test_a_limit_that_is_reached_is_said(made):

@@ -171,8 +171,11 @@ def test_a_commissioning_run_that_does_not_get_round(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"controller.table": stuck, "mechanics.coulomb_friction": "0.1 N*m"})
     with pytest.raises(StudyError) as error:
         simulate(study, "low", "table")
-    start = "study.toml: controller.table.calibration: scenario low: not done after 20.3 s: "
-    assert line(error, tmp_path) == start + "expected kp and ki that hold its speed"
+    start = (
+        "study.toml: controller.table.calibration: scenario low: the calibration run is not done "
+        "after 20.3 s: "
+    )
+    assert line(error, tmp_path) == start + "expected kp and ki that hold the run's speed"
 
 
 @pytest.mark.parametrize("law", [ILC, ROBUST], ids=["pi-ilc", "robust-ilc"])
@@ -392,7 +395,7 @@ def test_a_law_that_does_not_load(tmp_path: Path) -> None:
         simulate(study, "low", "mine")
     assert line(error, tmp_path).endswith(
         "laws.py line 1: ModuleNotFoundError: No module named 'no_such_thing': "
-        "expected a file that loads; it may import what is installed or beside it"
+        "expected a file that loads; it may import installed modules, or files beside it"
     )
 
 
@@ -432,8 +435,8 @@ def test_an_engine_that_was_not_compiled_is_told_before_any_run(
     with pytest.raises(StudyError) as error:
         run_study(studies.study(tmp_path, {"drive.precision": "double"}), ["low/pi"])
     assert line(error, tmp_path) == (
-        "study.toml: its control laws compute in double precision, and cogless was built without that engine;"
-        " `make build` adds it"
+        "study.toml: its control laws compute in double precision, and cogless was built without the "
+        "double-precision engine; `make build` adds it"
     )
 
 

@@ -441,8 +441,8 @@ def test_a_winding_of_a_phase_is_doubled_between_terminals(tmp_path: Path) -> No
     ("numbers", "doubt"),
     [
         ({"inertia": 210}, '--inertia: "210 kg*m^2": '),
-        ({"inductance": "0.55uH"}, "; if 0.55 mH is meant, say so"),
-        ({"cogging": 300}, "; if 300 mN*m is meant, say so"),
+        ({"inductance": "0.55uH"}, "; perhaps you mean 0.55 mH"),
+        ({"cogging": 300}, "; perhaps you mean 300 mN*m"),
         ({"slots": 37}, "--slots: 37: no winding has three equal phases with 40 poles: "
                         "expected a number such as 36 or 39"),
         ({"inertia": 0.021, "inductance": 0.55, "cogging": 0.3, "friction": 0.1}, ""),

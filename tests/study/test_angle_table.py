@@ -116,9 +116,9 @@ SINE = [round(math.sin(math.radians(a)), 6) for a in WHOLE]
         ("angle [deg],error [deg]\n0,00,0,0000\n",
             'line 2: "0,00,0,0000": expected 2 columns, and decimal points in numbers'),
         ('angle [deg],error [deg]\n0,"0,01"\n', 'line 2: "0,01": expected a number with a decimal point'),
-        ("angle [deg],error [deg]\n5,1\n\n5,1\n", 'line 4: "5": expected an angle above the one before'),
+        ("angle [deg],error [deg]\n5,1\n\n5,1\n", 'line 4: "5": expected an angle above the previous one'),
         (lines_of([0.0, *WHOLE], [0.0, *SINE]),
-            'line 3: "0.0": expected an angle above the one before'),
+            'line 3: "0.0": expected an angle above the previous one'),
         (lines_of([*WHOLE, 370.0], [*SINE, 0.1]),
             "line 38: 370 deg after the first: expected one revolution"),
         (lines_of(WHOLE[:20] + WHOLE[27:], SINE[:20] + SINE[27:]),
@@ -126,10 +126,11 @@ SINE = [round(math.sin(math.radians(a)), 6) for a in WHOLE]
         (lines_of(WHOLE[:29], [0.0] * 29),
             "line 30: the next angle comes after 80 deg: expected at most 50 deg, 5 times the usual"),
         (lines_of(WHOLE, [0.01 * a for a in WHOLE]),
-            "line 37: the error does not close over the revolution: from the last to the first it steps "
+            "line 37: the error does not close over the revolution: from the last line to the first it steps "
             "35 times as far as anywhere else"),
         (lines_of([*WHOLE, 360.0], [*SINE, 0.6]),
-            "line 38: the error does not close over the revolution: from the last to the first it steps"),
+            "line 38: the error does not close over the revolution: from the last line to the first it "
+        "steps"),
     ],
 )  # fmt: skip
 def test_a_mistake_names_its_line(tmp_path: Path, text: str, problem: str) -> None:

@@ -142,8 +142,8 @@ def test_a_ripple_of_a_carriage_needs_a_belt_whole_turns_and_rows(tmp_path: Path
     metric["last"] = "0.3 s"
     fast = {"mechanics.belt": BELT, "scenario.low": SCENARIO}
     for changes, message in (
-        ({}, 'kind: "carriage-ripple": expected another, or a table mechanics.belt'),
-        ({**fast, "trace.rate": "50 Hz"}, "expected another, or a trace.rate above 64 Hz"),
+        ({}, 'kind: "carriage-ripple": expected another kind, or a table mechanics.belt'),
+        ({**fast, "trace.rate": "50 Hz"}, "expected another kind, or a trace.rate above 64 Hz"),
         ({**fast, "scenario.low.reference": "10 rpm", "scenario.low.initial_speed": "10 rpm"}, "revolutions"),
     ):
         with pytest.raises(StudyError) as error:

@@ -160,7 +160,10 @@ def test_a_torque_constant_of_block_commutation_is_to_be_deleted(
     """
     magnet = 'psi_f = "68 mWb"'
     both = studies.BASE.replace(magnet, f'K_t = "0.408 N*m/A"\n{word} = "{text}"')
-    why = "K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"
+    why = (
+        "K_t = 1/kv holds for block commutation, with sinusoidal currents K_t is sqrt(3)/2 of that: "
+        "delete K_t"
+    )
     path = studies.write(tmp_path, both)
     assert refused(path) == f'motor.{word}: "{text}": expected K_t and {word} to agree within 5%; {why}'
     study = load(studies.write(tmp_path, studies.BASE.replace(magnet, f'{word} = "{text}"')))
@@ -189,7 +192,7 @@ def test_units_of_datasheets_are_taken_in_a_study() -> None:
 def test_a_position_s_error_is_recorded_with_what_the_message_says() -> None:
     metric = {"metric.0.signal": "theta_error", "metric.0.unit": "deg"}
     message = refused(MY_MOTOR, metric)
-    expected = "expected another, or a controller such as harmonic with position = true"
+    expected = "expected another signal, or a controller such as harmonic with position = true"
     assert message == f'metric.0.signal: "theta_error": {expected}'
     own = {f"controller.harmonic.{key}": value for key, value in written(message).items()}
     study = load(MY_MOTOR, {**metric, **own, "scenario.slow.duration": "3 s", "metric.0.last": "1 s"})
@@ -249,7 +252,7 @@ def test_a_table_is_filled_once() -> None:
         (
             'law = "harmonic"',
             "",
-            "controller.harmonic.law: missing: expected a law, one of those of cogless list",
+            "controller.harmonic.law: missing: expected a law that cogless list shows",
         ),
         ('law = "pi"', "law = pi", ': "law = pi": expected a text in quotes, or a number without a unit'),
         ("[[metric]]", "[metric]", ": expected an array of tables, [[metric]]"),

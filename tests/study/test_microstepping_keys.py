@@ -35,7 +35,7 @@ TABLE = f"{PATH}.correction.forward"
         ({"drive.bus": {"delay_command": "1 ms"}}, "expected no drive.bus"),
         (
             {"drive.position_sensor": {"kind": "encoder", "lines": 1000}},
-            "expected the position sensor ideal, which only stands for the driver's coils",
+            "expected an ideal position sensor, which only stands for the driver's coils",
         ),
         (
             {"scenario.20-mm-s.torque_mode": {"time": "0.1 s", "current": "0 A"}},

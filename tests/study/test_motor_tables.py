@@ -176,7 +176,7 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
     ("key", "of", "keys", "line"),
     [
         ("cogging_table", cogging, {"sign": "on-rotor", "peak": "10.2 mN*m"},
-            'peak: "10.2 mN*m": expected 0.005242 N*m or so, as the table has; '
+            'peak: "10.2 mN*m": expected about 0.005242 N*m, as the table has; '
             "peak and peak to peak differ by 2"),
         ("cogging_table", cogging, {"sign": "on-rotor", "current_peak": "1 A"},
             'current_peak: "1 A": expected peak, since the table has a torque'),
@@ -187,7 +187,7 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
             'file: "table.csv": expected a mean of zero, not 1.36 of the rms: '
             "is friction or an offset in it?"),
         ("cogging_table", lambda theta: 1e-3 * NOISE, {"sign": "on-rotor"},
-            'file: "table.csv": expected at most 48 orders that leave 2% of the rms, it takes '),
+            'file: "table.csv": expected at most 48 orders that leave 2% of the rms, the table takes '),
         ("back_emf_table", phase_voltage, {"between": "phase", "speed": "10 rad/s"},
             'file: "table.csv": line 1: "angle [deg],torque [mN*m]": '
             'expected one column such as "voltage [V]"'),
@@ -217,9 +217,9 @@ def test_mistakes_are_one_line(
         (
             lambda theta: np.sin(4 * theta),
             {"peak": "2 V"},
-            "peak: expected 1 V or so, as the table has; peak",
+            "peak: expected about 1 V, as the table has; peak",
         ),
-        (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected 2 V or so"),
+        (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected about 2 V"),
         (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
     ],
 )
@@ -279,7 +279,7 @@ def test_a_stated_peak_agrees_with_the_table_within_five_percent(
     if why is None:
         assert star({**of, "peak": peak}).cogging[0].torque == pytest.approx(1e-3)
     else:
-        with pytest.raises(ValueError, match=rf"expected 0\.001 N\*m or so, as the table has{why}(?!;)"):
+        with pytest.raises(ValueError, match=rf"expected about 0\.001 N\*m, as the table has{why}(?!;)"):
             star({**of, "peak": peak})
 
 

@@ -112,7 +112,7 @@ def test_a_law_elsewhere_is_not_exported_with_the_drive(tmp_path: Path, changes:
     with pytest.raises(StudyError) as error:
         prepare_whole(study, "low", "pi")
     assert str(error.value).endswith(
-        "study.toml: drive.bus: the law runs elsewhere: expected none, to export law and drive"
+        "study.toml: drive.bus: the law runs elsewhere: expected no bus, to export law and drive as one"
     )
 
 
@@ -189,7 +189,7 @@ def test_a_delay_may_be_a_hundred_thousand_periods(tmp_path: Path) -> None:
         ([(a, 0.1) for a in range(0, 360, 10) if not 90 < a < 180],
             "line 11: the next angle comes after 90 deg: expected at most 50 deg, 5 times the usual"),
         ([(a, 0.01 * a) for a in range(0, 361, 10)],
-            "line 38: the error does not close over the revolution: from the last to the first it steps "
+            "line 38: the error does not close over the revolution: from the last line to the first it steps "
             "36 times as far as anywhere else"),
         ([(a, {10: 5.0, 20: -5.0}.get(a, 0.0)) for a in range(0, 360, 10)],
             "expected an error that never falls as fast as the angle rises"),

@@ -316,7 +316,7 @@ def test_a_name_is_no_unit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("time,speed\n0,1\n0,2\n", 'line 3: "0": expected a time after the line before'),
+        ("time,speed\n0,1\n0,2\n", 'line 3: "0": expected a time after that of the previous line'),
         ("time,speed\n0,1\n1,fast\n",
             'line 3: "1,fast": expected time in s and speed in rad/s, with a comma between, '
             "and decimal points in numbers"),
@@ -410,14 +410,14 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
         ({"controller.pi": SPACE, "metric": [metric("P_t")]},
             'metric.0.signal: "P_t": expected a signal that a controller of this study has'),
         ({"metric": [metric("theta_error")]},
-            'metric.0.signal: "theta_error": expected another, or a controller such as harmonic with '
+            'metric.0.signal: "theta_error": expected another signal, or a controller such as harmonic with '
             "position = true"),
         ({"motor": STEP, "metric": [metric("i_c")]},
-            'metric.0.signal: "i_c": expected another, since the motor has two phases'),
+            'metric.0.signal: "i_c": expected another signal, since the motor has two phases'),
         ({**IDEAL, "metric": [metric("i_d")]},
-            'metric.0.signal: "i_d": expected another, since the current loop is ideal'),
+            'metric.0.signal: "i_d": expected another signal, since the current loop is ideal'),
         ({**IDEAL, "metric": [{"name": "m", "kind": "copper-loss"}]},
-            'metric.0.kind: "copper-loss": expected another, since the current loop is ideal'),
+            'metric.0.kind: "copper-loss": expected another kind, since the current loop is ideal'),
         ({**IDEAL, "metric": [], "trace": {"energy": True}},
             "trace.energy: true: expected false, since the current loop is ideal"),
         ({"motor": {**STEP, "L_1": "0.8 mH"}}, 'motor.L_1: "0.8 mH": expected less than L_0'),

@@ -522,7 +522,7 @@ def test_saturation_comes_from_csv_files(tmp_path: Path) -> None:
     ("axis", "text", "problem"),
     [
         ("q", "current [A],flux [mWb]\n0,0\n1,30\n1,50",
-            'line 4: "1": expected a current above the one before'),
+            'line 4: "1": expected a current above the previous one'),
         ("q", "current [A],flux [mWb]\n0,0\n1,nan\n2,50", 'line 3: "nan": expected a finite flux'),
         ("q", "current [A],flux [mWb]\n0,0\n1,\n2,50", 'line 3: "": expected a number'),
         ("q", "current [A],flux [mWb]\n0,0\n1\n2,50", 'line 3: "1": expected 2 columns'),

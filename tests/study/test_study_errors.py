@@ -115,7 +115,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("motor.temperature", {"winding": "-300 degC"},
             'motor.temperature.winding: "-300 degC": expected -273.15 degC or more'),
         ("motor.temperature", {"winding": "90 degC", "flux_coefficient": "-0.02 1/K"},
-            'motor.temperature.flux_coefficient: "-0.02 1/K": expected one that leaves something at 90 degC'),
+            'motor.temperature.flux_coefficient: "-0.02 1/K": expected a coefficient that leaves a '
+        'positive value at 90 degC'),
         ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
             "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
             "motor.temperature.heating: expected larger capacities, since a temperature changes within "
@@ -169,7 +170,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.load_side",
             {**SIDE, "gear_errors": [{"side": "input", "order": 100, "angle": "10 mrad"}]},
             'mechanics.load_side.gear_errors: [{ side = "input", order = 100, angle = "10 mrad" }]: '
-            "expected smaller ones: the gear's output would turn back"),
+            "expected smaller errors: with these the gear's output would turn back"),
         ("drive.position_sensor", {"kind": "ideal", "side": "load"},
             'drive.position_sensor.side: "load": expected "motor", since there is no mechanics.load_side'),
         ("mechanics",
@@ -186,17 +187,18 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'mechanics.friction_harmonics: [{ order = 1, torque = "1 N*m" }]: expected amplitudes of 0 N*m '
             "or less together, so that friction is nowhere below zero"),
         ("mechanics.friction_table", {"angle": ["0 deg", "90 deg"], "torque": ["0 N*m", "-1 N*m"]},
-            "mechanics.friction_table: expected no more below zero than coulomb_friction is above"),
+            "mechanics.friction_table: expected torques that nowhere make coulomb_friction plus the "
+        "table negative"),
         ("mechanics.friction_table", {"file": "nowhere.csv"},
             'mechanics.friction_table.file: "nowhere.csv": expected a readable file at nowhere.csv'),
         ("metric", [{**METRIC, "signal": "omega_load"}],
-            'metric.0.signal: "omega_load": expected another, or a table mechanics.load_side'),
+            'metric.0.signal: "omega_load": expected another signal, or a table mechanics.load_side'),
         ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "0 s"]: '
-            "expected one or more values, each above the one before"),
+            "expected one or more values, each above the previous one"),
         ("mechanics.load", {"time_table": {"time": ["1 s", "1 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "1 s"]: '
-            "expected one or more values, each above the one before"),
+            "expected one or more values, each above the previous one"),
         ("mechanics.load", {"time_table": {"time": ["1 s"], "torque": []}},
             "mechanics.load.time_table.torque: []: expected as many values as time has, 1"),
         ("mechanics.load", {"angle_table": {"angle": ["0 deg", "360 deg"], "torque": ["1 N*m", "1 N*m"]}},
@@ -208,17 +210,17 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("scenario.step.events.1.time", 0.5,
             'scenario.step.events.1.time: "0.5 s": expected a time within the scenario\'s 0.3 s'),
         ("scenario.step.events.1.time", 0.1,
-            'scenario.step.events.1.time: "0.1 s": expected a time after the event before'),
+            'scenario.step.events.1.time: "0.1 s": expected a time after the previous event'),
         ("scenario.low.reference", {"speed": "1 rpm", "offset": "1 rpm"},
             "scenario.low.reference: expected the keys of one form: speed; ramp, speed; profile; "
             "amplitude, frequency, offset; amplitude, depth, frequency, modulation, offset; offset, sines; "
             "moves; file"),
         ("scenario.low.reference", {"profile": [["1 s", "0 rpm"], ["0 s", "1 rpm"]]},
             'scenario.low.reference.profile: [["1 s", "0 rpm"], ["0 s", "1 rpm"]]: '
-            "expected one or more points, each later than the one before"),
+            "expected one or more points, each later than the previous one"),
         ("scenario.low.torque_mode", {"time": "0.1 s", "profile": [["1 s", "1 A"], ["1 s", "2 A"]]},
             'scenario.low.torque_mode.profile: [["1 s", "1 A"], ["1 s", "2 A"]]: expected points, each later '
-            "than the one before"),
+            "than the previous one"),
         ("scenario.low.override", {"seed": 2},
             "scenario.low.override.seed: 2: expected a key of motor, drive or mechanics"),
         ("scenario.low.override", {"mechanics.inertia": "-1 kg*m^2"},
@@ -240,7 +242,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [6.5]},
             "controller.afc.orders.0: 6.5: expected a whole number"),
         ("controller.pi", {"kp": 1},
-            "controller.pi.law: missing: expected a law, one of those of cogless list"),
+            "controller.pi.law: missing: expected a law that cogless list shows"),
         ("controller.fair.kp", 1,
             "controller.fair: expected either kp and ki or tuning, such as "
             '{ rule = "phase-margin", phase_margin = "60 deg" }'),
@@ -283,9 +285,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'controller.fair.baseline: true: expected one baseline, already "pi"'),
         # metrics
         ("metric", [{**METRIC, "kind": "first-rms"}],
-            'metric.0.kind: "first-rms": expected another, since there are no trials'),
+            'metric.0.kind: "first-rms": expected another kind, since there are no trials'),
         ("metric", [{**METRIC, "signal": "temperature_winding"}],
-            'metric.0.signal: "temperature_winding": expected another, or a table motor.temperature'),
+            'metric.0.signal: "temperature_winding": expected another signal, or a table motor.temperature'),
         ("metric.0.window", [0.1, 1],
             'metric.0.window: ["0.1 s", "1 s"]: expected a window within the 0.4 s of scenario "low"'),
         ("metric.0.last", "0.1 s", 'metric.0.last: "0.1 s": expected one of window, last and event'),
@@ -524,7 +526,7 @@ def test_what_the_simulation_can_just_do(
         ({"mechanics.load_side": {**SIDE, "ratio": 1.5},
           "drive.position_sensor": {"kind": "ideal", "side": "load"}, "drive.rates.integration_steps": 20},
             'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not whole: '
-            "the load's angle would not tell the motor's"),
+            "the load's angle does not determine the motor's"),
         ({"drive.rates.position_loop": "1 kHz"},
             "drive.rates: expected either speed_loop or, in trials, position_loop"),
         ({"controller.h": {"law": "harmonic", "base": 24, "kp": "0.02 A*s/rad", "ki": "1 A/rad",
@@ -538,8 +540,8 @@ def test_what_the_simulation_can_just_do(
         ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"] * 2, "correlation": 0.5}]}},
             'vary.together.0.keys: ["motor.R_s", "motor.R_s"]: expected two or more different keys'),
         ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD], "correlation": -0.51}]}},
-            "vary.together.0.correlation: -0.51: expected -0.5 or more, since no 3 values can all be "
-            "less alike"),
+            "vary.together.0.correlation: -0.51: expected -0.5 or more, since no 3 values can have a "
+        "lower correlation with each other"),
         ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD][:2], "correlation": -1.0},
                                           {"keys": [*SPREAD][1:], "correlation": 0.5}]}},
             'vary.together.1.keys.0: "motor.L_d": expected a key that is in no other group'),
@@ -650,7 +652,7 @@ def test_a_torque_and_a_speed_constant_that_disagree(tmp_path: Path, kv: str, wh
 
 def test_energies_are_recorded_on_request(tmp_path: Path) -> None:
     metric = {"name": "lost", "kind": "maximum", "signal": "energy_residual"}
-    expected = 'metric.0.signal: "energy_residual": expected another, or trace.energy = true'
+    expected = 'metric.0.signal: "energy_residual": expected another signal, or trace.energy = true'
     assert line_of(tmp_path, {"metric": [metric]}) == f"study.toml: {expected}"
     assert studies.study(tmp_path, {"metric": [metric], "trace": {"energy": True}}).trace.energy
 
@@ -664,7 +666,7 @@ def test_metrics_of_one_name_mean_the_same(tmp_path: Path) -> None:
 
 def test_chattering_needs_the_speed_loops_samples(tmp_path: Path) -> None:
     change = {"metric": [{"name": "m", "kind": "chattering"}], "trace.rate": "0.5 kHz"}
-    expected = 'metric.0.kind: "chattering": expected another, or a trace.rate of 1000 Hz or more'
+    expected = 'metric.0.kind: "chattering": expected another kind, or a trace.rate of 1000 Hz or more'
     assert line_of(tmp_path, change) == f"study.toml: {expected}"
 
 

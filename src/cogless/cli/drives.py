@@ -20,7 +20,7 @@ FLAWED_SHARE = 0.1  # of the holding current's rms: a table that leaves more is 
 
 
 def drives() -> None:
-    """List the drives whose logs cogless reads and whose cogging tables it writes, and how sure that is."""
+    """List the supported drives: logs that cogless reads, tables that it writes, and how each is verified."""
     from cogless.drives.registry import ADAPTERS
 
     for adapter in ADAPTERS.values():
@@ -37,7 +37,7 @@ def table(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="A folder of cogless identify, a stored map, or with --from a drive's table.",
+            help="A folder that cogless identify wrote, a stored map, or, with --from, a drive's table.",
         ),
     ],
     to: Annotated[
@@ -59,29 +59,34 @@ def table(
         typer.Option(
             "--shift",
             metavar="ANGLE",
-            help="Angle of the new drive's index where SOURCE's is zero, mechanical.",
+            help="Mechanical angle of the new drive's index at which SOURCE's angle is zero.",
         ),
     ] = None,
     reverse: Annotated[
-        bool, typer.Option("--reverse", help="Angle and current of the new drive count the other way.")
+        bool, typer.Option("--reverse", help="The new drive counts angle and current in the other direction.")
     ] = False,
     current: Annotated[
         str | None,
         typer.Option(
             "--current",
             metavar="CURRENT",
-            help="Current of a printer's motor, A rms; warns if the runs had another.",
+            help="Current of the printer's motor, A rms; warns if the logs are of another current.",
         ),
     ] = None,
     study: Annotated[
         Path | None,
         typer.Option(
-            "--study", metavar="DIR", help="Also write a study of the motor under the drive's own law there."
+            "--study",
+            metavar="DIR",
+            help="Also write a study into DIR: the motor under the drive's own control law.",
         ),
     ] = None,
     encoder: Annotated[
         bool,
-        typer.Option("--encoder", help="Write the table that corrects the drive's encoder, not the cogging."),
+        typer.Option(
+            "--encoder",
+            help="Write the table that corrects the drive's encoder in place of the cogging table.",
+        ),
     ] = False,
 ) -> None:
     """Write a cogging table in a drive's own format.
@@ -110,14 +115,13 @@ def table(
         }
         other = next((name for name, value in options.items() if value is not None), None)
         if other is not None:
-            raise StudyError(
-                f"{other}: expected none with --to {to}: a correction is over the electrical angle"
-            )
+            raise StudyError(f"{other}: expected none with --to {to}: its table is over the electrical angle")
         write_correction(adapter, source, current, output)
         return
     if current is not None:
         raise StudyError(
-            f"--current: expected none with --to {to}: its table is a current over the rotor's angle"
+            f"--current: expected none with --to {to}: only the correction of a printer's motor depends "
+            "on the current"
         )
     if encoder:
         if from_ is not None or shift is not None or reverse or study is not None:
@@ -131,11 +135,11 @@ def table(
         holding = holding.turned(-1 if reverse else 1, _angle(shift))
         frame = TableFrame(to, zero=True)
     elif reverse:
-        raise StudyError(
-            "--reverse: expected --shift ANGLE beside it: the zero of a reversed angle is another"
-        )
+        raise StudyError("--reverse: expected --shift ANGLE too, since a reversed angle has another zero")
     if not frame.zero:
-        raise StudyError(f"{source}: the table's zero is not known, since {frame.lacking}")
+        raise StudyError(
+            f"{source}: the rotor angle of the table's first entry is not known: {frame.lacking}"
+        )
     written = adapter.write(holding, frame)
     rest = residue(holding, written.entries, written.applied)
     torque = f", {1e3 * holding.K_t * rest.before:.3g} mN*m" if holding.K_t else ""
@@ -151,12 +155,15 @@ def table(
     if rest.share > FLAWED_SHARE:
         highest = max(holding.orders)
         lines.append(
-            f"! The orders reach {highest}: {written.entries} entries hold those below "
-            f"{written.entries // 2}."
+            f"! SOURCE has orders up to {highest}: a table of {written.entries} entries holds "
+            f"only orders below {written.entries // 2}."
         )
     if frame.zero_error:
         highest = max(holding.orders)
-        lines.append(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
+        lines.append(
+            f"The place of the table's first entry is known to {frame.zero_error * highest:.2g} "
+            f"rad of order {highest}."
+        )
     _put(written, lines, output)
 
 
@@ -171,7 +178,7 @@ def _put(written: TableText, lines: Sequence[str], output: Path | None) -> None:
             temporary.write_text(written.text, "utf-8")
         print(f"Table: {output}")
     else:
-        print("No table is written: -o FILE writes it.")
+        print("No table was written: -o FILE writes one.")
 
 
 def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) -> None:
@@ -183,18 +190,22 @@ def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) ->
     from cogless.drives.holding_current import residue
 
     if adapter.write_encoder is None:
-        raise StudyError(f"--encoder: {adapter.name}: no table of its encoder is written: see cogless drives")
+        raise StudyError(
+            f"--encoder: {adapter.name}: expected a drive whose encoder table cogless writes: see "
+            "cogless drives"
+        )
     correction, frame = correction_from(source), frame_from(source / FRAME_FILE)
     if frame.drive != adapter.name or not frame.zero:
-        lacking = frame.lacking or f"its logs are of {frame.drive}: expected some of {adapter.name}"
-        raise StudyError(f"{source}: the table's zero is not known, since {lacking}")
+        lacking = frame.lacking or f"its logs are of {frame.drive}: expected logs of {adapter.name}"
+        raise StudyError(f"{source}: the rotor angle of the table's first entry is not known: {lacking}")
     written = adapter.write_encoder(correction, frame)
     rest = residue(correction, written.entries, written.applied)
     before, after = (math.degrees(value) for value in (rest.before, rest.after))
     _put(
         written,
         [
-            f"Encoder's error: {before:.3g} -> {after:.2g} deg rms, which the table's own rounding leaves.",
+            f"Encoder's error: {before:.3g} -> {after:.2g} deg rms; the rest comes from the table's own "
+            "rounding.",
             f"{adapter.title}, encoder {frame.encoder}: {written.entries} entries, {written.scale}.",
         ],
         output,
@@ -213,13 +224,18 @@ def _predict(
 
     lacking = ""
     if not adapter.law:
-        lacking = f"{adapter.title} has no law of a drive's own: expected --to of a drive that has one"
+        lacking = f"{adapter.title} has no control law: expected a drive with a law of its own after --to"
     elif not (source / predicted_ripple.STUDY_NAME).is_file():
-        lacking = f"it has no {predicted_ripple.STUDY_NAME}: expected a folder of cogless identify with it"
+        lacking = (
+            f"the folder has no {predicted_ripple.STUDY_NAME}: expected a folder of cogless "
+            "identify that has this file"
+        )
     elif not frame.gains:
-        lacking = "the logs came without the gains of its law: expected them in the file of --drive-config"
+        lacking = (
+            "the gains of the drive's law are not known: expected them in the --drive-config file of identify"
+        )
     if study is not None and study.resolve() == source.resolve():
-        lacking = "expected another folder than that of cogless identify"
+        lacking = "expected a folder other than that of cogless identify"
     if lacking:
         if study is not None:
             raise StudyError(f"--study: {study}: {lacking}")
@@ -236,7 +252,7 @@ def _predict(
     if study is None:
         return [
             *lines,
-            f"{simulated}; --study DIR writes the study that does it, with which to try gains.",
+            f"{simulated}; --study DIR writes the simulated study, to try gains with.",
         ], []
     names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
     with locked_folder(study, names), new_set(study) as stage:
@@ -264,16 +280,20 @@ def _source(
 
     to = target.name
     logs = "" if target.read_logs is None else f"logs of {to}, or "
-    shift = f"{logs}--shift ANGLE, the index of {to} where the source's angle is zero"
-    unknown = f"it is over another angle: expected {shift}"
+    shift = f"{logs}--shift ANGLE, the angle of {to}'s index where the source's angle is zero"
+    unknown = f"its angle is not that of {to}'s index: expected {shift}"
     if from_ is not None:
         adapter = adapter_named(from_, "--from")
         if adapter.read_table is None:
-            raise StudyError(f"--from: {from_}: no table of it can be read: see cogless drives")
+            raise StudyError(
+                f"--from: {from_}: expected a drive whose table cogless reads: see cogless drives"
+            )
         current = adapter.read_table(source, configuration)
         return current, TableFrame(to, zero=to == from_ or target.own_angle, lacking=unknown)
     if not source.exists():
-        raise StudyError(f"{source}: no such file or folder: expected a folder of cogless identify, or a map")
+        raise StudyError(
+            f"{source}: no such file or folder: expected a folder of cogless identify, or a stored map"
+        )
     if not source.is_dir():
         return holding_current.from_stored_map(source), TableFrame(to, zero=target.own_angle, lacking=unknown)
     current = holding_current.from_identified(source)
@@ -281,7 +301,7 @@ def _source(
         return current, TableFrame(to, zero=target.own_angle, lacking=unknown)
     if not (source / FRAME_FILE).is_file():
         return current, TableFrame(
-            to, lacking=f"it has no {FRAME_FILE}: expected cogless identify with --drive {to}"
+            to, lacking=f"the folder has no {FRAME_FILE}: expected a folder of cogless identify --drive {to}"
         )
     frame = frame_from(source / FRAME_FILE)
     if frame.drive != to:

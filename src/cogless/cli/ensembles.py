@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def sweep(
     study: StudyArgument,
-    count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Variants to draw.")] = 1000,
+    count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Number of variants to draw.")] = 1000,
     output: OutputOption = None,
     only: OnlyOption = None,
     changes: SetOption = None,
@@ -50,10 +50,10 @@ def sweep(
     ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Run variants of a study, drawn by its vary table, and show what spreads and why.
+    """Run variants of a study, drawn as its vary table says, and show how the metrics spread and why.
 
-    Writes sweep.parquet, a row for each run, and report.html. Call it again to go on
-    where it stopped, or with a larger -n to add variants.
+    Writes sweep.parquet, a row for each run, and report.html. The same command goes on
+    where it stopped; a larger -n adds variants.
     """
     from cogless.ensemble import sweep as sweeping
     from cogless.ensemble import sweep_table
@@ -94,10 +94,10 @@ def tune(
     dask: DaskOption = None,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Choose gains by a study's tune table, and try them on variants that did not choose them.
+    """Choose gains as a study's tune table says, and check them on fresh variants of the study.
 
-    Writes STUDY-tuned.toml, the same file with the better values, and report.html, before beside after. Call
-    it again to go on where it stopped.
+    Writes STUDY-tuned.toml, a copy of the study with the better values, and report.html, which compares
+    before and after. The same command goes on where it stopped.
     """
     from cogless.ensemble import search, sweep_table
     from cogless.ensemble import tune as tuning

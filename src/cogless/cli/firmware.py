@@ -91,7 +91,10 @@ def pil(
     ticks: Annotated[
         int,
         typer.Option(
-            "--ticks", min=1, metavar="N", help="Current-loop periods, at most those of the scenario."
+            "--ticks",
+            min=1,
+            metavar="N",
+            help="Number of current-loop periods, at most those of the scenario.",
         ),
     ] = 100_000,
     compiler: Annotated[
@@ -103,10 +106,10 @@ def pil(
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Run the exported controller on an emulated Cortex-M4F, closed with the simulated plant.
+    """Run the exported controller on an emulated Cortex-M4F, in closed loop with the simulated plant.
 
     Compares every output of every period, and what was learned, with the simulation, bit for bit; counts
-    instructions, stack, flash and RAM. Exit code 1 where anything differs.
+    instructions, stack, flash and RAM. Exit code 1 if anything differs.
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
@@ -141,16 +144,20 @@ def map_(
             "--csv",
             parser=place,
             metavar="FILE",
-            help="Write the newest map's entries, a row each; - prints.",
+            help="Write the newest map's entries as CSV; - prints them.",
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("Write the newest map, alone.", "FILE"),
+        output_option("Write the newest map alone, without the rest of FILE.", "FILE"),
     ] = None,
     motor: Annotated[
         str | None,
-        typer.Option("--motor", metavar="ID", help="What is written is for this motor, such as 0x1F2E3D4C."),
+        typer.Option(
+            "--motor",
+            metavar="ID",
+            help="Identity of the motor for which the map is written, such as 0x1F2E3D4C.",
+        ),
     ] = None,
 ) -> None:
     """Show learned maps as firmware stores them: whose they are, what is in them, or why they are not valid.

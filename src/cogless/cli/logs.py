@@ -33,14 +33,19 @@ def identify(
     ] = None,
     config: Annotated[
         Path | None,
-        typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs."),
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            help="TOML file: columns of the logs, known values of the motor, kinds of logs.",
+        ),
     ] = None,
     drive: Annotated[
         str | None,
         typer.Option(
             "--drive",
             metavar="NAME",
-            help="The drive that wrote the logs, as `cogless drives` names it. No columns needed.",
+            help="The drive that wrote the logs, as `cogless drives` names it. --config then needs no "
+            "columns.",
         ),
     ] = None,
     drive_config: Annotated[
@@ -49,7 +54,7 @@ def identify(
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("Where results go. Default: results/identified, or results/plan."),
+        output_option("Directory of the results. Default: results/identified, or results/plan."),
     ] = None,
     plan: Annotated[
         str | None,
@@ -57,7 +62,7 @@ def identify(
             "--plan",
             metavar="STUDY",
             autocompletion=complete_study,
-            help="Write which motions to record for the motor of a study, its name or file.",
+            help="Write which motions to record for the motor of this study (name or file).",
         ),
     ] = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write a PNG picture of the orders.")] = False,
@@ -108,7 +113,7 @@ def identify(
                     output, lambda what, share: status.update(f"Rehearsing: {what}"), law
                 )
         under = f" under {drive}'s own law with the gains of {drive_config}" if law else ""
-        print(f"To be expected, from simulated logs of this motor{under}:")
+        print(f"Expected results, from simulated logs of this motor{under}:")
         for line in expected:
             print_text(line, others="  ")
         if lowered := planning.lowered(study):
@@ -117,13 +122,15 @@ def identify(
         print(f"Next: {program()} {shlex.join(['identify', *words])} {_log_words(scripts)}")
         return
     if not logs:
-        raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
+        raise StudyError(
+            "identify: expected logs, with --config FILE or --drive NAME; or without logs --plan STUDY"
+        )
     output = output or Path("results/identified")
     if printer is not None:
         if config is not None:
             raise StudyError(
-                f"identify: --drive {drive} --config {config}: expected --drive-config FILE with [printer] "
-                "in its place"
+                f"identify: --drive {drive} --config {config}: expected --drive-config FILE, with a "
+                "table [printer], in place of --config"
             )
         identify_axis(printer, logs, drive_config, output)
         return
@@ -216,7 +223,12 @@ def diagnose(
         typer.Argument(metavar="LOG...", help="Logs: CSV (gz), NPZ, Parquet, MAT, MDF4, traces.nc."),
     ],
     config: Annotated[
-        Path, typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs.")
+        Path,
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            help="TOML file: columns of the logs, known values of the motor, kinds of logs.",
+        ),
     ],
     output: Annotated[
         Path | None,

@@ -48,11 +48,17 @@ def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The study's file, with or without .toml.")],
     motor: Annotated[
         Text,
-        _name("--motor", "A class: gimbal, drone, direct-drive, hub, servo, spindle, nema17, nema23, own."),
+        _name(
+            "--motor",
+            "Class of the motor: gimbal, drone, direct-drive, hub, servo, spindle, nema17, nema23, own.",
+        ),
     ] = None,
-    drive: Annotated[Text, _name("--drive", "generic, moteus, odrive, vesc, simplefoc, stepper.")] = None,
+    drive: Annotated[
+        Text, _name("--drive", "The drive: generic, moteus, odrive, vesc, simplefoc, stepper.")
+    ] = None,
     encoder: Annotated[
-        Text, _name("--encoder", "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall.")
+        Text,
+        _name("--encoder", "The sensor: as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall."),
     ] = None,
     pole_pairs: Annotated[
         Text, _number("--pole-pairs", "Half the number of magnets around the rotor.")
@@ -61,7 +67,7 @@ def new(
         Text, typer.Option("--magnets", hidden=True, help="Refused: --pole-pairs is the flag.")
     ] = None,
     slots: Annotated[Text, _number("--slots", "Teeth of the stator.")] = None,
-    kv: Annotated[Text, _number("--kv", "Speed without load per volt of the supply, in r/min per V.")] = None,
+    kv: Annotated[Text, _number("--kv", "No-load speed per volt of the supply, in r/min per V.")] = None,
     torque_constant: Annotated[
         Text, _number("--torque-constant", "Torque per ampere of a phase (peak, not rms), in N*m/A.")
     ] = None,
@@ -91,29 +97,29 @@ def new(
         Text,
         _number(
             "--rated-current",
-            "Current it bears all day: peak of a phase, in A. Of a step motor: of one coil.",
+            "Continuous current: peak of a phase, in A. Of a step motor: of one coil.",
         ),
     ] = None,
-    rated_torque: Annotated[Text, _number("--rated-torque", "Torque it can give all day, in N*m.")] = None,
+    rated_torque: Annotated[Text, _number("--rated-torque", "Continuous torque, in N*m.")] = None,
     holding_torque: Annotated[
         Text, _number("--holding-torque", "Holding torque of a step motor, in N*m.")
     ] = None,
     detent_torque: Annotated[
-        Text, _number("--detent-torque", "Torque that turns a step motor without current, in N*m.")
+        Text, _number("--detent-torque", "Torque needed to turn a step motor without current, in N*m.")
     ] = None,
     step_angle: Annotated[Text, _number("--step-angle", "Full step of a step motor, in deg.")] = None,
     cogging: Annotated[
-        Text, _number("--cogging", "Cogging torque in all, half of peak to peak, in N*m.")
+        Text, _number("--cogging", "Whole cogging torque, all orders: half of peak to peak, in N*m.")
     ] = None,
     friction: Annotated[Text, _number("--friction", "Friction torque of the turning rotor, in N*m.")] = None,
     bits: Annotated[Text, _number("--bits", "Bits of an absolute encoder.")] = None,
     cpr: Annotated[Text, _number("--cpr", "Counts a revolution of an incremental encoder.")] = None,
     bus_voltage: Annotated[Text, _number("--bus-voltage", "Voltage of the supply, in V.")] = None,
     current_limit: Annotated[
-        Text, _number("--current-limit", "Most current the drive gives a phase (peak), in A.")
+        Text, _number("--current-limit", "Largest current that the drive gives a phase (peak), in A.")
     ] = None,
     current_rate: Annotated[
-        Text, _number("--current-rate", "Rate of the current loop, mostly that of the PWM, in Hz.")
+        Text, _number("--current-rate", "Rate of the current loop, usually that of the PWM, in Hz.")
     ] = None,
     speed_rate: Annotated[Text, _number("--speed-rate", "Rate of the speed loop, in Hz.")] = None,
     speed: Annotated[
@@ -162,7 +168,7 @@ def _path(name: str, force: bool) -> Path:
     if not path.stem or path.is_dir():
         raise StudyError(f"{name}: expected a name of a study, such as my_motor")
     if path.exists() and not force:
-        raise StudyError(f"{path}: there is such a file: expected a new name, or --force")
+        raise StudyError(f"{path}: the file exists: expected a new name, or --force")
     return path
 
 

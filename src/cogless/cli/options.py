@@ -61,7 +61,7 @@ SetOption = Annotated[
 JobsOption = Annotated[
     int,
     typer.Option(
-        "--jobs", "-j", min=1, help="How many runs at the same time.", show_default="one a core", metavar="N"
+        "--jobs", "-j", min=1, help="Number of runs at the same time.", show_default="one a core", metavar="N"
     ),
 ]
 
@@ -92,7 +92,7 @@ LimitsOption = Annotated[
     typer.Option(
         "--limits/--no-limits",
         help="Find what limits each scenario's best run, by about a dozen further runs.",
-        show_default="unless the runs are long or run own code",
+        show_default="on, unless the runs are long or run code of your own",
     ),
 ]
 
@@ -108,7 +108,9 @@ OnlyOption = Annotated[
 
 OutputOption = Annotated[
     Path | None,
-    output_option("Where results go.", show_default="results/STUDY, of a study.toml results/ITS_FOLDER"),
+    output_option(
+        "Directory of the results.", show_default="results/STUDY; for a file study.toml: results/ITS_FOLDER"
+    ),
 ]
 
 DaskOption = Annotated[
@@ -175,5 +177,7 @@ def name_code(
         if law.code is not None:
             if no_code:
                 where = f'{path}: {table}.{name}.law: "{law.law}"'
-                raise StudyError(f"{where}: expected no code of the file's own, with --no-code")
+                raise StudyError(
+                    f"{where}: expected a law without code of your own, since --no-code is given"
+                )
             print_text(f"Code: {table}.{name} runs {path_of(law.code)}.")

@@ -157,7 +157,7 @@ def a_metric(study: AnyStudy) -> Remark:
 
     metric = study.example_metric
     example = "".join(f'\n{key} = "{word}"' for key, word in metric.items())
-    text = f"Metrics are what compares controllers, such as this one in {study.source.path}:"
+    text = f"A metric compares the controllers, such as this one in {study.source.path}:"
     return Remark(f"{text}\n\n[[metric]]{example}", ({"metric": [metric]},))
 
 

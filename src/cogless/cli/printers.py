@@ -81,13 +81,14 @@ def study_line(path: Path) -> str:
 def correction_lines(correction: Correction) -> list[str]:
     """The correction of both directions, a line each, then friction and remarks."""
     lines = [
-        f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds mag sin(n u + pha)."
+        f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds mag sin(n u + "
+        f"pha) to the electrical angle u."
     ]
     for direction, entries in correction.directions.items():
         for n, entry in sorted(entries.items()):
             size = abs(entry.value)
             way = 1e6 * size * correction.wavelength / math.tau
-            doubt = "" if entry.error < size else ", not told from none"
+            doubt = "" if entry.error < size else ", no more than its error"
             lines.append(
                 f"{direction:<8} order {n}: {size:.4f} rad (+-{entry.error:.4f}), phase "
                 f"{cmath.phase(entry.value):+.3f} rad; {way:.2f} um at a slow speed, a stripe every "
@@ -124,7 +125,7 @@ def write_correction(adapter: Adapter, source: Path, current: str | None, output
         if text:
             warn(f"{text}; record the runs at that current")
     file = str(output) if output is not None else "FILE"
-    print(f"Current: {correction.current:.4g} A rms; another needs runs of its own.")
+    print(f"Current: {correction.current:.4g} A rms; another current needs its own runs.")
     print(f"Install: {written.install.replace('FILE', file)}")
     print(f"Take out: {written.remove}")
     if output is not None:
@@ -154,23 +155,25 @@ def _option(name: str, metavar: str, help: str) -> Any:
 
 
 def stripe(
-    spacing: Annotated[str, _option("--spacing", "LENGTH", "From stripe to stripe, in mm.")],
-    speed: Annotated[str, _option("--speed", "SPEED", "Of the wall, in mm/s.")],
+    spacing: Annotated[str, _option("--spacing", "LENGTH", "Distance from stripe to stripe, in mm.")],
+    speed: Annotated[str, _option("--speed", "SPEED", "Print speed of the wall, in mm/s.")],
     pulley: Annotated[
-        int, typer.Option("--pulley", min=4, metavar="TEETH", help="Of the motor's pulley.")
+        int, typer.Option("--pulley", min=4, metavar="TEETH", help="Teeth of the motor's pulley.")
     ] = 20,
     step_angle: Annotated[
-        str, typer.Option("--step-angle", metavar="ANGLE", help="Of the motor, in degrees.")
+        str, typer.Option("--step-angle", metavar="ANGLE", help="Full step of the motor, in degrees.")
     ] = "1.8",
     belt_pitch: Annotated[
-        str, typer.Option("--belt-pitch", metavar="LENGTH", help="Of the belt, in mm.")
+        str, typer.Option("--belt-pitch", metavar="LENGTH", help="Pitch of the belt, in mm.")
     ] = "2",
     diagonal: Annotated[
         bool,
-        typer.Option("--diagonal", help="A CoreXY's wall along a diagonal, which one motor alone moves."),
+        typer.Option(
+            "--diagonal", help="The wall runs along a diagonal of a CoreXY, which one motor alone moves."
+        ),
     ] = False,
 ) -> None:
-    """Say what makes a stripe on a print: an order of the motor, a belt tooth, the pulley, or ringing."""
+    """Name the cause of stripes on a print: an order of the motor, a belt tooth, the pulley, or ringing."""
     from cogless import units
     from cogless.printer.axis import CARRIAGE_SPEED
     from cogless.printer.stripe import stripe_causes
@@ -198,9 +201,9 @@ def stripe(
         place = "" if cause.kind == "ringing" else f" ({1e3 * cause.spacing:.3g} mm)"
         print_text(f"{cause.line[0].upper()}{cause.line[1:]}{place}.", others="  ")
     if not causes:
-        print("None of the motor's orders, the belt's teeth, the pulley, or ringing between 15 and 400 Hz.")
+        print("No cause fits: no order of the motor, belt tooth, pulley, or ringing between 15 and 400 Hz.")
     if len(causes) > 1:
         print(
-            "Print it at half the speed: a spacing that stays is the motor's or the belt's, half of it is "
-            "ringing."
+            "Print the part at half the speed. If the spacing stays, the cause is the motor or the belt; "
+            "if it halves, ringing."
         )

@@ -59,7 +59,7 @@ def run(
     no_code: NoCodeOption = False,
     every_metric: Annotated[bool, typer.Option("--all", help="Print every metric, too.")] = False,
 ) -> None:
-    """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
+    """Simulate a study (every controller in every scenario) or an arena (every law on every plant).
 
     Prints the verdict on each scenario and writes results.json, traces.nc and report.html.
 
@@ -227,11 +227,12 @@ def design(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
     whole: Annotated[bool, typer.Option("--long", help="Print every number, as a table.")] = False,
 ) -> None:
-    """Say before any run whether each controller's learning settles, and how fast; margins and gains.
+    """Say before any run whether each controller's learning settles and how fast; show margins and gains.
 
-    For a study of speed: gains, given or by a tuning rule, the margins of the loop, whether learning settles.
+    For a study of speed: the gains (given or from a tuning rule), the loop's margins, and whether learning
+    settles.
 
-    For a study of trials: gains, given or by LMIs, and the certificate that they work.
+    For a study of trials: the gains (given or from LMIs), and the certificate that they work.
     """
     from cogless.design.kinds import DESIGNS
 
@@ -253,7 +254,7 @@ def calibrate(
 ) -> None:
     """Fit parameters of a study to target values of its metrics, as its calibration table says.
 
-    Prints the fitted values as lines for the study, and each target beside what came out. Changes no file.
+    Prints the fitted values as lines for the study, and each target beside its fitted value. Changes no file.
 
     Ctrl-C prints the best fit so far.
     """
@@ -268,7 +269,7 @@ def calibrate(
         )
     from rich.table import Table
 
-    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
+    outcome = "interrupted; the best fit so far is off by" if fit.interrupted else "fitted to"
     print(f"# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
     for parameter in fit.parameters:
         print_text(f"{parameter.toml}  # was {parameter.before}", others="# ")
@@ -283,7 +284,8 @@ def calibrate(
         raise KeyboardInterrupt
     if not fit.settled:
         raise StudyError(
-            f"{loaded.source.path}: calibration: not settled: expected parameters that change the metrics"
+            f"{loaded.source.path}: calibration: the fit did not settle: expected parameters that change "
+            "the metrics"
         )
 
 
@@ -336,14 +338,17 @@ def live(
     ] = None,
     own_motor: Annotated[
         bool,
-        typer.Option("--own-motor", help="Add fields for the motor, whose values the controllers get, too."),
+        typer.Option(
+            "--own-motor",
+            help="Add fields for the values of your own motor. The controllers get these values, too.",
+        ),
     ] = False,
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     changes: SetOption = None,
     closed: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
 ) -> None:
-    """Write a page that runs a study in the browser, and open it: turn a gain, and see the ripple follow.
+    """Write a page that runs a study in the browser, and open it: change a gain, and see the ripple change.
 
     One HTML file with the engine and the control laws inside. It needs no network and no installation.
     """

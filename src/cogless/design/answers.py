@@ -113,7 +113,7 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
     if not law.learned:
         return None
     if not law.learns:
-        return Answer("no", "it learned before the run, and doesn't learn in it")
+        return Answer("no", "it learned before the run, and does not learn during the run")
     if design.certificate is not None:
         return _certified(study, name, design.certificate)
     if is_unstable_with_back_emf(study, name):
@@ -148,7 +148,7 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         at_speeds = remaining(study, name, certificate)
         doubt = _limited_voltage(study, name) or _heavier_than_certified(study, certificate)
         if doubt:
-            words = f"not sure: {doubt}; a run tells. By small signals {settles}"
+            words = f"not sure: {doubt}; a run shows it. For small signals {settles}"
             return Answer("not sure", words, times, lacks, at_speeds)
         cures = _quieter_rates(study, name, at_speeds)
         return Answer(*_beside_sensor(study, at_speeds, settles, cures), times, lacks, at_speeds, cures)
@@ -157,8 +157,11 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     if bad.snaps is not None:
         return Answer("no", f"no, because {bad.snaps}")
     if bad.gamma <= 0:
-        return Answer("no", f"no, because at {at} not all orders need converge where the inertia is 50 % off")
-    return Answer("no", f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s")
+        return Answer("no", f"no, because at {at} some orders may not converge if the inertia is 50 % off")
+    return Answer(
+        "no",
+        f"no, because at {at} the orders together settle only with learning rates up to {bad.most:.3g} 1/s",
+    )
 
 
 def _limited_voltage(study: Study, name: str) -> str:
@@ -213,15 +216,17 @@ def _beside_sensor(
             "noise of the current sensors": little.noise,
         }
         learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
-        compared = f"it leaves {learned} of ripple, feedback alone {alone}"
+        compared = f"it leaves {learned} of ripple, its feedback alone {alone}"
         by = max(parts, key=lambda part: parts[part])
-        answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most is by {by}"
+        answer = (
+            f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most of it comes from {by}"
+        )
         return "not worth it", answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
     if coarse is None:
         return "yes", settles
     cured = f"; {either(cures)} avoids that" if cures else ""
-    doubt = f"{_too_coarse(study, coarse)}{cured}; a run tells"
-    return "not sure", f"not sure: {doubt}. By small signals {settles}"
+    doubt = f"{_too_coarse(study, coarse)}{cured}; a run shows it"
+    return "not sure", f"not sure: {doubt}. For small signals {settles}"
 
 
 def _too_coarse(study: Study, coarse: Remaining) -> str:

@@ -279,4 +279,6 @@ def phase_margin_gains(study: Study, name: str) -> tuple[float, float]:
 
 def no_gain_error(study: Study, name: str) -> StudyError:
     where = f"{study.source.path}: controller.{name}.tuning"
-    return StudyError(f"{where}: expected a loop in which some gain lets learning settle: none does here")
+    return StudyError(
+        f"{where}: expected a loop in which learning settles with some gain: here it settles with none"
+    )

@@ -116,7 +116,10 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
     drive = for_scenario(study, scenario).drive
     bound = f"current_limit is {limit:.3g} A"
     if drive.current_reference is not None:
-        bound = f"current and voltage there give {limit:.3g} A, as q-axis current of the same torque"
+        bound = (
+            f"the limits of current and voltage there allow {limit:.3g} A, as q-axis current of the "
+            "same torque"
+        )
     if needs.mean > limit:
         sentence = f"its motion and load take {needs.mean:.3g} A, and {bound}"
     else:

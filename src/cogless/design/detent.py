@@ -81,7 +81,7 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
     )
     pulls = f"whose detents pull at {swinging.rate / math.tau:.3g} Hz"
     around = f" where the crossover is {crossover / math.tau:.3g} Hz" if math.isfinite(crossover) else ""
-    return f"{leaves}, most by order {swinging.order}, {pulls}{around}: the rotor stops and snaps"
+    return f"{leaves}, most of it by order {swinging.order}, {pulls}{around}: the rotor stops and snaps"
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:

@@ -71,7 +71,7 @@ class NoMarginError(ValueError):
     """No gains give a loop the phase margin that a tuning rule asks for."""
 
     def __init__(self) -> None:
-        super().__init__("expected a loop that some gains give this phase margin")
+        super().__init__("expected a loop that reaches this phase margin with some gains")
 
 
 @dataclass(frozen=True, kw_only=True)

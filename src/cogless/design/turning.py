@@ -104,9 +104,7 @@ def late_angle(study: Study, scenario: str) -> Remark | None:
         return None
     degrees, torque_share = math.degrees(late), math.cos(late)
     costs = (
-        f"leaves {100 * torque_share:.0f} % of the torque"
-        if torque_share > 0.005
-        else "turns the torque round"
+        f"leaves {100 * torque_share:.0f} % of the torque" if torque_share > 0.005 else "reverses the torque"
     )
     sentence = f"at {speed_text(study, top)} the angle is {degrees:.0f} deg (electrical) late, which {costs}"
     sensor = for_scenario(study, scenario).drive.position_sensor

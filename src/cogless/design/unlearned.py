@@ -113,16 +113,16 @@ def map_warning(study: Study, name: str) -> Remark | None:
         return None
     (cells, enough, order), law = wave, rules_of(study, name).memory
     assert law is not None
-    has = f"cells = {law.cells} is {cells:.3g} in a wave of order {order} (mechanical)"
+    has = f"cells = {law.cells} gives {cells:.3g} cells per wave of order {order} (mechanical)"
     width = 2 * law.q_half_width + 1
     lost = 100 * (1 - share_kept(cells, law.q_half_width))
     if cells < WAVE_CELLS_LEAST:
-        does = "which such a map can't hold"
+        does = "too few for a map to hold the wave"
     elif law.q_half_width == 0:
-        does = f"of which straight lines between them lose {lost:.2g} %"
+        does = f"straight lines between the cells lose {lost:.2g} % of the wave"
     else:
-        losing = f"straight lines between them and the Q filter over {width}"
-        does = f"of which {losing} lose {lost:.0f} % in each period"
+        losing = f"straight lines between the cells and the Q filter over {width} cells"
+        does = f"{losing} lose {lost:.0f} % of the wave in each period"
     key = dotted(("controller", name))
     more: Changes = {f"{key}.cells": math.ceil(law.cells * enough / cells * (1 - CELL_ROUNDING))}
     narrower: Changes = {f"{key}.q_half_width": max(0, int(cells / FILTERS_PER_WAVE - 1) // 2)}
@@ -133,7 +133,7 @@ def map_warning(study: Study, name: str) -> Remark | None:
         return after is not None and after[0] >= after[1] and _settles(other, name) >= now
 
     cures = helping(study, (more, narrower), cured)
-    return Remark(f"{has}, {does}: {either(cures, key)} would do" if cures else f"{has}, {does}", cures)
+    return Remark(f"{has}: {does}; {either(cures, key)} would do" if cures else f"{has}: {does}", cures)
 
 
 def _wave(study: Study, name: str) -> tuple[float, float, int] | None:

@@ -468,7 +468,7 @@ def warnings(study: Study, name: str) -> list[Remark]:
         remarks.append(judged.remark())
     foreign = rules_of(study, name).unfit()
     if foreign:
-        stays = "what doesn't repeat is learned only as far as it stays for a period"
+        stays = "a disturbance that does not repeat is learned only as far as it stays for a period"
         remarks.append(Remark(f"{foreign}: {stays}"))
     return remarks
 

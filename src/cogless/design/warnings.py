@@ -196,7 +196,7 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
     every = 1e3 * source.edge / edges.omega
     comes = f"at {speed_text(study, edges.omega)} an edge comes every {every:.2g} ms"
     if source.intervals > 1:
-        comes += f" and the speed is the mean over {source.intervals} of them"
+        comes += f" and the speed is the mean over {source.intervals} such intervals"
     comes += f", the crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
 
     late = max(
@@ -225,13 +225,16 @@ def _costs(edges: _Edges) -> str:
     """The effect of edges that come too rarely, in words."""
     if not edges.source.timed:
         return "the rotor coasts from count to count"
-    has, late = edges.margins.phase_margin, f"the speed is {1e3 * edges.late:.2g} ms late"
+    has, late = edges.margins.phase_margin, f"the measured speed is {1e3 * edges.late:.2g} ms late"
     if edges.source.hall:
-        remains = "nothing" if edges.spent else f"{math.degrees(edges.late_margins.phase_margin):.0f} deg"
-        return f"{late}, which leaves {remains} of {math.degrees(has):.0f} deg of phase margin"
+        remains = "none" if edges.spent else f"{math.degrees(edges.late_margins.phase_margin):.0f} deg"
+        return f"{late}, which leaves {remains} of the {math.degrees(has):.0f} deg of phase margin"
     costs = f"{late}, which costs {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
-    high = "; where it stops and goes it reads high, by 10 % if every other edge takes twice as long"
-    return f"{costs} of {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
+    high = (
+        "; where the rotor stops and goes the measured speed is too high, by 10 % if every other "
+        "edge takes twice as long"
+    )
+    return f"{costs} of the {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
 
 
 def reads_zero(study: Study, scenario: str) -> Remark | None:
@@ -247,7 +250,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     if source.counts(omega) >= SPEED_COUNTS_LEAST:
         return None
     comes = f"at {speed_text(study, omega)} {source.counts_clause(omega)}"
-    reads = f"{comes}: most read 0, others {speed_text(study, source.count / source.window)}"
+    reads = f"{comes}: most samples read 0, the others {speed_text(study, source.count / source.window)}"
     edges_of = {name: _edges(study, name, scenario) for name in study.controllers_in(scenario)}
     before = {name: edges for name, edges in edges_of.items() if edges is not None}
 
@@ -331,7 +334,7 @@ def _idle_table(study: Study, scenario: str) -> str:
     if not fast:
         return "the reference never reaches omega_min"
     settles = f"its observer settles in {table.settling:.3g} s or more above omega_min"
-    return f"{settles}, the reference is there for {fast:.3g} s" if fast <= table.settling else ""
+    return f"{settles}, but the reference is above it for only {fast:.3g} s" if fast <= table.settling else ""
 
 
 def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:
@@ -364,8 +367,8 @@ def coarse_table(study: Study) -> list[str]:
     main, highest = main_order(study, 0), table.highest(study.motor.pole_pairs)
     if main <= highest:
         return []
-    tells = f"its {table.points} points tell orders to {highest}, the main one is {main}"
-    return [f"motor.cogging_table: {tells}, which shows as a lower one"]
+    tells = f"its {table.points} points tell orders to {highest}, the main order is {main}"
+    return [f"motor.cogging_table: {tells}, which shows as a lower order"]
 
 
 def shaft_notes(study: Study) -> list[str]:
@@ -376,8 +379,8 @@ def shaft_notes(study: Study) -> list[str]:
     low, high = (w / TURN for w in (shaft.antiresonance, shaft.resonance))
     gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
     return [
-        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; rules tune for "
-        f"both masses as one, margins are with the shaft{', its gap closed' if gap else ''}"
+        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; tuning rules take "
+        f"both masses as one, the margins include the shaft{', its gap closed' if gap else ''}"
     ]
 
 
@@ -410,7 +413,7 @@ def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
         if not loop.margins.stable:
             warnings.append(f"drive.current_loop: the {name} is unstable, and every speed loop around it")
         elif loop.weakness:
-            warnings.append(f"drive.current_loop: the {name} is weak, it {loop.weakness} of phase margin")
+            warnings.append(f"drive.current_loop: the {name} is weak: it {loop.weakness} of phase margin")
     return warnings
 
 

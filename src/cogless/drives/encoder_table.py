@@ -49,7 +49,7 @@ def correction_from(folder: Path) -> AngleCorrection:
         folder,
         "encoder",
         amplitude="amplitude_rad",
-        expected="expected logs that tell the encoder's error",
+        expected="expected logs that show the encoder's error",
     )
     return AngleCorrection(waves, str(folder))
 
@@ -61,8 +61,8 @@ def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
     """
     if frame.encoder_table_on:
         raise StudyError(
-            f"{correction.source}: the logs were made with a table of the encoder: expected logs without it "
-            "(compensation_scale 0), since the new one replaces it"
+            f"{correction.source}: the logs were made with a table of the encoder: expected logs without "
+            "this table (compensation_scale 0), since the new table replaces it"
         )
     values = samples(correction.turned(frame.direction), MOTEUS_POINTS, 1, "linear") / math.tau
     scale = float(np.float32(np.max(np.abs(values))))

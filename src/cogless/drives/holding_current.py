@@ -137,7 +137,7 @@ def from_identified(folder: Path) -> HoldingCurrent:
         "cogging",
         amplitude="amplitude_N_m",
         divisor="K_t_N_m_per_A",
-        expected="expected logs that tell the cogging; see its left_out",
+        expected="expected logs that show the cogging; left_out in this file tells the reasons",
     )
     return HoldingCurrent(waves, K_t, str(folder))
 
@@ -172,8 +172,8 @@ def from_stored_map(path: Path) -> HoldingCurrent:
         places = stored_map.read(path)
     except stored_map.MapError:
         raise StudyError(
-            f"{path}: no stored map: expected one, a folder of cogless identify, or --from DRIVE that tells "
-            "whose table it is"
+            f"{path}: no stored map: expected a stored map, a folder of cogless identify, or --from "
+            "DRIVE, the drive whose table it is"
         ) from None
     newest = stored_map.newest(places)
     if newest is None:

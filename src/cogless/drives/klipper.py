@@ -45,8 +45,8 @@ def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, N
             row = []
         if len(row) != 4 and number == len(lines):
             raise StudyError(
-                f"{path}: line {number}, its last: cut: expected the whole file, which Klipper still writes "
-                "when the macro has ended"
+                f"{path}: line {number}: the file is cut here: expected the whole file, which Klipper "
+                "still writes when the macro has ended"
             )
         if len(row) != 4 or not np.all(np.isfinite(row)):
             raise StudyError(f"{path}: line {number}: expected four finite numbers, as in {KLIPPER_LOG}")
@@ -83,8 +83,8 @@ def read_runs(paths: Sequence[Path], axis: Axis) -> dict[tuple[Direction, int], 
         name = RUN_NAME.search(path.name)
         if name is None:
             raise StudyError(
-                f"{path}: its name says no run: expected one with cogless-{axis.motor}-forward-plain-1, as "
-                "--plan makes it"
+                f"{path}: the file's name tells no run: expected a name with "
+                f"cogless-{axis.motor}-forward-plain-1, as --plan makes it"
             )
         if name[1] != axis.motor:
             raise StudyError(f"{path}: a run of motor {name[1]}: expected one of motor {axis.motor}")
@@ -105,8 +105,8 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
         pairs = [pair for (name, _), pair in sorted(runs.items()) if name == direction]
         if not pairs:
             raise StudyError(
-                f"{paths[0].parent}: no run {direction}: expected runs in both directions: friction turns "
-                "what each has to be corrected by"
+                f"{paths[0].parent}: no run {direction}: expected runs in both directions, since "
+                "friction makes their corrections differ"
             )
         for pair in pairs:
             lacking = next((kind for kind in ("plain", "probe") if kind not in pair), None)

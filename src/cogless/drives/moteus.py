@@ -91,7 +91,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     logs = list(_channels(paths, dump))
     if not logs:
         raise StudyError(
-            f"{paths[0]}: no channel {STATS_CHANNEL}: expected its log beside that of {POSITION_CHANNEL}"
+            f"{paths[0]}: no channel {STATS_CHANNEL}: expected the log of this channel beside that of "
+            f"{POSITION_CHANNEL}"
         )
     recordings, remarks, frames = [], [], []
     for log in logs:
@@ -108,12 +109,12 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         )
     directions = {frame.direction for frame in frames if frame.zero}
     if len(directions) > 1:
-        raise StudyError(f"{paths[0]}: the encoder counts one way in some logs and the other way in others")
+        raise StudyError(f"{paths[0]}: the encoder counts forward in some logs and backward in others")
     without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
     if without is not None and directions:
         raise StudyError(
-            f"{without.path} lacks the angle that indexes the cogging table, which other logs have: expected "
-            "the channel motor_position beside each"
+            f"{without.path} lacks the angle that indexes the cogging table, which other logs have: "
+            "expected the channel motor_position beside each log"
         )
     frame = replace(
         max(frames, key=lambda frame: frame.zero_error),
@@ -177,8 +178,8 @@ def _partner(path: Path, position: LogColumns, stats: Mapping[Path, LogColumns])
         return named if named in overlapping else overlapping[0]
     those = ", ".join(other.name for other in overlapping) or "none of the logs"
     raise StudyError(
-        f"{path}: at its time the channel {STATS_CHANNEL} is in {those}: expected one, or the same name "
-        f"but for {POSITION_CHANNEL} and {STATS_CHANNEL}"
+        f"{path}: at its time the channel {STATS_CHANNEL} is in {those}: expected one such log, or two "
+        f"file names that differ only in {POSITION_CHANNEL} and {STATS_CHANNEL}"
     )
 
 
@@ -198,7 +199,7 @@ def _registers(path: Path, dump: Dump) -> Channels:
     if "VOLTAGE" in columns:
         stats["bus_V"] = columns["VOLTAGE"]
     if not np.any(stats["q_A"]):
-        raise StudyError(f"{path}: Q_CURRENT: zero in each row: expected a log that asks for this register")
+        raise StudyError(f"{path}: Q_CURRENT: zero in each row: expected a log with this register")
     position = {}
     if np.any(columns.get(encoder, 0.0)):  # The library writes 0 for a register that was not asked for.
         cpr = dump.number(f"motor_position.sources.{dump.source}.cpr", "counts of a turn", 16384.0)
@@ -348,13 +349,13 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
     laid = overlay(t[rows], theta[rows], t_other[others], math.tau / cpr * filtered[others])
     if laid is None or laid.spread > OVERLAY_SPREAD:
         raise StudyError(
-            f"{log.path}: {name} and position do not move alike: expected both channels of one drive and one "
-            f"log, and the dump of that drive, {dump.path}"
+            f"{log.path}: {name} and position do not move alike: expected both channels from the same "
+            f"log of the same drive, and the dump of this drive, {dump.path}"
         )
     signals["theta"] = theta + laid.offset
     remark = (
-        f"{log.name}: the table's index is laid over the position by {math.degrees(laid.offset):.2f} +- "
-        f"{math.degrees(laid.error):.2g} deg."
+        f"{log.name}: the table's index is placed on the logged position, with an offset of "
+        f"{math.degrees(laid.offset):.2f} +- {math.degrees(laid.error):.2g} deg."
     )
     frame = TableFrame("moteus", laid.direction, zero=True, zero_error=laid.error)
     return replace(recording, remarks=remarks), frame, [remark]

@@ -90,6 +90,9 @@ def _records(path: Path, count: int) -> Array:
         place += length * size
     length, place = best
     if not length:
-        raise StudyError(f"{path}: no records of {size} bytes: expected a stream with the dump's emit_debug")
+        raise StudyError(
+            f"{path}: no records of {size} bytes: expected a stream recorded with the "
+            "servo.emit_debug of the dump"
+        )
     rows = data[place : place + length * size].reshape(length, size)[:, 1:]
     return np.asarray(np.ascontiguousarray(rows).view("<i2").reshape(length, count), dtype=np.float64)

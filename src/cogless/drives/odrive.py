@@ -216,7 +216,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     remarks = [remark for *_, lines in captures for remark in lines]
     if kind:
         remarks.append(
-            f"{configuration}: its anti-cogging map is on: the logged current has the map's in it."
+            f"{configuration}: its anti-cogging map is on: the logged current contains the current of "
+            "this map."
         )
     volts = [volt for _, _, volt, _ in captures if volt > 0]
     frame = TableFrame("odrive", zero=True, gains=gains(settings))
@@ -315,6 +316,6 @@ ODRIVE = Adapter(
     write_script=write_script,
     law="Odrive",
     gains=lambda path: gains(read_configuration(path, "0")),
-    refusal="firmware 0.5 lets its map be read and not written; 0.6 documents no way to either; --to csv or "
+    refusal="firmware 0.5 allows reading its map, but not writing it; 0.6 documents neither; --to csv or "
     "--to c writes a table for code of your own",
 )

@@ -163,8 +163,8 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
     for direction, records in runs.items():
         if not records:
             raise StudyError(
-                f"{paths[0]}: no run {direction}: expected runs in both directions: friction turns what each "
-                "has to be corrected by"
+                f"{paths[0]}: no run {direction}: expected runs in both directions, since friction makes "
+                "their corrections differ"
             )
         for record in records:
             check_speed(axis, record.speed, axis.resonances, str(paths[0]))

@@ -115,7 +115,9 @@ def script_files(study: AnyStudy, drive: str, configuration: Path | None) -> Map
     adapter = adapter_named(drive, "--drive")
     if adapter.write_script is None:
         having = ", ".join(key for key, other in ADAPTERS.items() if other.write_script is not None)
-        raise StudyError(f'--drive: "{drive}": no script for it is written: expected one of {having}')
+        raise StudyError(
+            f'--drive: "{drive}": cogless writes no script for this drive: expected one of {having}'
+        )
     play, columns = plan.tables(study)
     assert study.motor is not None and study.drive is not None
     speeds = {
@@ -166,14 +168,14 @@ def prepare(
     """
     if configuration in paths:
         raise StudyError(
-            f"{configuration}: among the logs and in --drive-config: expected it in the latter only"
+            f"{configuration}: among the logs and in --drive-config: expected only in --drive-config"
         )
     remarks = []
     if drive is None:
         match = recognised(paths[0])
         if match is None:
             raise StudyError(
-                f"{paths[0]}: no drive's log by its first lines: expected --config FILE that names its "
+                f"{paths[0]}: its first lines fit no known drive: expected --config FILE that names the "
                 f"columns, or --drive NAME, one of {able_drives('--drive')}"
             )
         adapter, kind = match
@@ -188,7 +190,8 @@ def prepare(
             )
     if adapter.read_logs is None:
         raise StudyError(
-            f'--drive: "{adapter.name}": no logs of it are read: expected one of {able_drives("--drive")}'
+            f'--drive: "{adapter.name}": cogless reads no logs of this drive: expected one of '
+            f"{able_drives('--drive')}"
         )
     logs = adapter.read_logs(paths, configuration)
     merged = _merged(logs, columns, adapter)
@@ -258,7 +261,7 @@ def _merged(logs: DriveLogs, columns: Path | None, adapter: Adapter) -> dict[str
 
 def _replay_rule(adapter: Adapter, logs: DriveLogs) -> str:
     """What the replay of a log of this drive needs, in words."""
-    law = "its controller, since the drive's own law is none of cogless's"
+    law = "its controller, since cogless has no model of the drive's own law"
     if adapter.law:
         law = "the gains of its law in the configuration" if not logs.frame.gains else ""
     rule = "its reference in the file of --config"

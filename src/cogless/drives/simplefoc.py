@@ -108,7 +108,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
             signals["t"] = period * np.arange(len(values))
             remarks.append(f"{path.name}: rows are taken as {1e3 * period:g} ms apart, as row_period says.")
         if spoilt:
-            remarks.append(f"{path.name}: {spoilt} lines of another form are left out.")
+            remarks.append(f"{path.name}: {spoilt} lines that do not fit are left out.")
         recordings.append(Recording(path, "", signals))
     own = {"motor": tables.get("motor", {}), "drive": tables.get("drive", {})}
     direction, shift = _sensor(configuration, tables)

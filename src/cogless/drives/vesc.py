@@ -132,11 +132,16 @@ def table_frame(motor: MotorXml, turns: bool) -> TableFrame:
     """
     lacking = ""
     if not turns:
-        lacking = f"the logs have no {ENCODER_HEADING} that turns with {SPEED_HEADING}: expected some that do"
+        lacking = (
+            f"in the logs {ENCODER_HEADING} does not turn with {SPEED_HEADING}: expected logs in "
+            "which both turn"
+        )
     elif abs(_number_or(motor, "p_pid_ang_div", 1.0) - 1.0) > ANGLE_DIVISION_SLACK:
-        lacking = f"{motor.path} has another p_pid_ang_div: expected 1, which logs the encoder's own angle"
+        lacking = (
+            f"{motor.path}: p_pid_ang_div is not 1: expected 1, with which the encoder's own angle is logged"
+        )
     elif round(_number_or(motor, "foc_encoder_ratio", pole_pairs(motor))) != pole_pairs(motor):
-        lacking = f"{motor.path} has another foc_encoder_ratio: expected the pole pairs, as on the rotor"
+        lacking = f"{motor.path}: foc_encoder_ratio is not the pole pairs: expected an encoder on the rotor"
     direction = -1 if _number_or(motor, "m_invert_direction", 0.0) else 1
     return TableFrame(
         "vesc",

@@ -326,7 +326,7 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
         raise StudyError(f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected {expected}')
     controllers = {law: _controller(arena, plant, law) for law in laws}
     absent = {
-        law: "the feedback there is by hand, and the law has another"
+        law: "this plant's feedback is chosen by hand, and the law has another one"
         for law, table in controllers.items()
         if table is None
     }

@@ -91,7 +91,7 @@ class Arena(Table):
     @model_validator(mode="after")
     def _one_bar(self) -> Self:
         if len([law for law in self.law.values() if law.baseline]) != 1:
-            raise invalid("expected one with baseline = true, the bar that all are measured by", "law")
+            raise invalid("expected a law with baseline = true, by which all others are measured", "law")
         return self
 
     @property

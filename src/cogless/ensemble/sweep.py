@@ -326,7 +326,7 @@ def merge(planned: Plan, folder: Path) -> Sweep:
         expected_chunks = planned.part(shard)
         if not set(expected_chunks) <= set(chunks):
             has = f"{len(chunks)} of {len(expected_chunks)} chunks"
-            raise StudyError(f"{path}: {has}: expected a finished shard; run it again, it goes on")
+            raise StudyError(f"{path}: {has}: expected a finished shard; the same command goes on with it")
         finished |= chunks
     return _gathered(planned, finished)
 

@@ -275,13 +275,13 @@ def outcome_lines(tuned: Tuned) -> list[str]:
         for knob in tuned.subject.knobs
     ]
     count = tuned.sweep_after.ensemble.count
-    worth = f"{name}: {100 * after.value:.1f} % of what it was, over {count} fresh variants"
+    worth = f"{name}: {100 * after.value:.1f} % of its value before, over {count} fresh variants"
     if before.violation or after.violation:
         worth += (
             f"; limits missed by {100 * before.violation:.1f} % before, {100 * after.violation:.1f} % now"
         )
     if not tuned.adopted:
-        worth += "; no better, so the values stay as they were"
+        worth += "; this is no better, so the values stay as they were"
     return [worth, *changes]
 
 
@@ -363,7 +363,7 @@ def _pairs(study: AnyStudy, options: Tune, controllers: Sequence[str]) -> list[P
     metric = column_of(study, options.minimise, "minimise").metric
     pairs = [pair for pair in runs_of(study) if pair[1] in controllers and pair[0] in chosen]
     if not any(metric.applies_in(s, study.scenario[s]) for s, _ in pairs):
-        expected = f"expected a metric that is taken where {', '.join(controllers)} runs"
+        expected = f"expected a metric of a scenario in which {', '.join(controllers)} runs"
         raise StudyError(f"{study.source.path}: tune.minimise: {toml_text(options.minimise)}: {expected}")
     return pairs
 
@@ -372,7 +372,7 @@ def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
     reader = Reader(study, key, ("tune", "keys", key), limits)
     if reader.nominal is MISSING:
         tried(study, "tune.keys", {key: limits[0]})
-        raise reader.wrong("expected the key of a value that the study has, to begin with")
+        raise reader.wrong("expected the key of a value in the study, from which tuning begins")
     low, high = reader.range()
     start = reader.middle()
     if not low <= start <= high:

@@ -137,11 +137,13 @@ def _check_versions(address: str, client: Any) -> None:
     own_version = versions()["cogless"]
     versions_of_workers = client.run(_version, on_error="return")
     if not versions_of_workers:
-        raise StudyError(f"--dask: {address}: has no worker: expected one or more")
+        raise StudyError(f"--dask: {address}: the cluster has no worker: expected one or more")
     for worker, version in versions_of_workers.items():
         if version != own_version:
             has = f"has cogless {version}" if isinstance(version, str) else "has no cogless"
-            raise StudyError(f"--dask: worker {worker}: {has}: expected {own_version}, as here")
+            raise StudyError(
+                f"--dask: worker {worker}: {has}: expected {own_version}, the version of this command"
+            )
 
 
 def _version() -> str:
@@ -200,7 +202,9 @@ def _use(
             try:
                 result = future.result()
             except CancelledError:
-                raise StudyError("the cluster is gone: the same command goes on from here") from None
+                raise StudyError(
+                    "the cluster is gone: the same command, called again, goes on from here"
+                ) from None
             except Exception as error:
                 if not _is_loss(error):
                     raise
@@ -208,7 +212,7 @@ def _use(
                 losses[number] += 1
                 if losses[number] >= MOST_LOSSES:
                     raise StudyError(
-                        f"chunk {number}: its worker died {MOST_LOSSES} times: expected {expected}"
+                        f"chunk {number}: its worker process died {MOST_LOSSES} times: expected {expected}"
                     ) from None
                 waiting.appendleft(number)
             else:

@@ -156,7 +156,8 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     prepared = prepare(study, scenario, controller)
     if prepared.has_bus:
         raise StudyError(
-            f"{study.source.path}: drive.bus: the law runs elsewhere: expected none, to export law and drive"
+            f"{study.source.path}: drive.bus: the law runs elsewhere: expected no bus, to export law and "
+            "drive as one"
         )
     return prepared
 

@@ -54,7 +54,9 @@ def _blocks(path: Path) -> Iterator[list[str]]:
             require_bytes(path, size)
             *lines, begun = (begun + text).split("\n")
             if len(begun) > BLOCK_CHARACTERS:
-                raise StudyError(f"{path}: a line of {len(begun)} characters or more: expected rows")
+                raise StudyError(
+                    f"{path}: a line of {len(begun)} characters or more: expected rows of numbers"
+                )
             if lines:
                 yield lines
         if begun:
@@ -302,7 +304,9 @@ class _Table:
         if not is_number(number) or (separator and not self.sure):
             where, cell = f"{self.path}: {name}: row {row}", printable(text)
             if seconds(text) is not None:
-                raise StudyError(f'{where}: "{cell}" is a time, the first row has none: expected a number')
+                raise StudyError(
+                    f'{where}: "{cell}" is a time of day, but the first row has a number: expected a number'
+                )
             how = " with a decimal point" if is_number_of_a_language(text) else ""
             raise StudyError(f'{where}: "{cell}": expected a number{how}')
         if not self.thousands and number != text.strip().replace(self.decimal, "."):

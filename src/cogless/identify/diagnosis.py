@@ -128,8 +128,8 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
     if parts and not any("i_q_ref" in part.log for part in parts):
         remarks.append(
             Advice(
-                f"Dead time disturbs the current at order {6 * poles}: it is not told apart from what the "
-                "law asks for; record the current's reference as i_q_ref.",
+                f"Dead time disturbs the current at order {6 * poles}, and cannot be told apart from the "
+                "current that the law asks for; record the current's reference as i_q_ref.",
                 recording(signal="i_q_ref"),
             )
         )
@@ -215,15 +215,15 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
         if log.name in steady_logs:
             continue
         if log.kind == "bridge-off":
-            uses[log.name] = "the bridge is off: offsets of the phase currents are from it"
+            uses[log.name] = "the bridge is off: used for the offsets of the phase currents"
         elif not log.dt:
-            uses[log.name] = "holds the rotor: cogging is from it"
+            uses[log.name] = "the rotor is held: used for the cogging"
         elif log.name in explained:
             uses[log.name] = (
-                "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+                "no turn at a steady speed: used for inertia, friction and orders, not for shares"
             )
         else:
-            uses[log.name] = "no turn at a steady speed, and no torques: it is not used"
+            uses[log.name] = "no turn at a steady speed, and no torques: not used"
     return uses
 
 

@@ -92,9 +92,8 @@ def _said_of_bridge_off(identification: Identification, log: Log) -> list[str]:
     if "theta" in log and np.ptp(log["theta"]) > TURN:
         return [
             Advice(
-                f"{log.name}: no value but the currents' offsets is from this log: with the bridge off it "
-                "is not "
-                "known what turns the rotor; if nothing does, it is a coast-down: say so as its kind.",
+                f"{log.name}: only the currents' offsets are from this log: with the bridge off it is "
+                "not known what turns the rotor; if nothing turns it, give the log the kind coast-down.",
                 recording(kind="coast-down", log=log.name),
             )
         ]
@@ -112,7 +111,7 @@ def _unusable(identification: Identification, log: Log) -> str | None:
     if "i_q" not in log and log.kind != "coast-down":
         return Advice(
             f"{log.name}: no current{heading(identification, 'i_q')}: torque is not known; "
-            "record i_q, or say that the log is a coast-down.",
+            "record i_q, or give the log the kind coast-down.",
             recording(signal="i_q", log=log.name),
             recording(kind="coast-down", log=log.name),
         )
@@ -150,7 +149,7 @@ def _sticks(identification: Identification, log: Log) -> str | None:
     needed = 6 * identification.motor.pole_pairs * slip / WAVE_RATE_SHARE
     rate = _up(max(needed, 1 / log.dt))
     return Advice(
-        f"{beginning}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
+        f"{beginning}: the rotor sticks and slips at {slip:.2g} rev/s; record at this speed or faster, with "
         f"{rate:.0f} rows a second or more, or with more feedback.",
         recording(speed=TURN * slip, rate=rate, log=log.name),
     )
@@ -244,7 +243,7 @@ def _exchanged(identification: Identification, log: Log) -> str | None:
     measured, reference = (identification.columns[name].name for name in ("i_q", "i_q_ref"))
     return Advice(
         f"{log.name}: {measured} comes before {reference}, which it should follow (correlation of their "
-        f"changes {before:.2g} a row before, {after:.2g} a row after): they look exchanged: "
+        f"changes {before:.2g} a row before, {after:.2g} a row after): the two look exchanged: expected "
         f'columns.i_q.name = "{reference}", columns.i_q_ref.name = "{measured}".',
         {"columns.i_q.name": reference, "columns.i_q_ref.name": measured},
     )
@@ -332,8 +331,9 @@ def _turned(
             if abs(np.log(size)) > unsure:  # an index that slips turns a wave, and leaves its size
                 return [
                     f"{name}: order {strongest} is {size:.2g} times that of {first}, and turned by "
-                    f"{np.degrees(turn):.0f} deg: it is not cogging alone, which is the same in all logs; an "
-                    "error of the angle grows so with the speed, and load and temperature may change others."
+                    f"{np.degrees(turn):.0f} deg: cogging alone would be the same in all logs; the "
+                    "effect of an angle error grows like this with the speed, others may change with load "
+                    "and temperature."
                 ]
             return [
                 Advice(
@@ -412,9 +412,8 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
     if "j" in values and not values["j"].value > 2 * values["j"].error:
         left_out.append(
             Advice(
-                "Inertia is not larger than its error, and friction and delay are not told without it; add "
-                "an "
-                "acceleration log.",
+                "Inertia is not larger than its error, and without the inertia friction and delay cannot "
+                "be identified; add an acceleration log.",
                 logs_of_kind("acceleration"),
             )
         )
@@ -476,8 +475,8 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
         needs = f"{rate:.0f} rows a second or {needs}"
     return [
         Advice(
-            f"{log.name}: seen up to order {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest; "
-            f"order {order} of the motor needs {needs}.",
+            f"{log.name}: orders are seen up to {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest "
+            f"speed; order {order} of the motor needs {needs}.",
             *cures,
         )
     ]

@@ -129,7 +129,7 @@ def _misfit_remark(misfit: float, log: str) -> str:
     return (
         f"{log}: i_q does not follow the angle as under the described controller "
         f"({100 * misfit:.0f} % differs), so the delay is known only to half a period of the law: its "
-        "gains, or the drive's rates, filter or bandwidth, are others than described."
+        "gains, or the drive's rates, filter or bandwidth, differ from the described ones."
     )
 
 

@@ -54,7 +54,7 @@ HEADINGS_SHOWN = 12  # of a file that has none like it
 NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading is named
 SPREAD_LEAST = 0.07  # of a period, by which rows are apart unevenly, from which on it is told
 OWN_TIMES = "each is used at its own time"
-EVEN_ROWS = "their times are taken for rounded, and the rows for even"
+EVEN_ROWS = "the times are taken as rounded, and the rows as evenly spaced"
 REPEATED_SHARE = 0.2  # share of rows that repeat the one before, from which on it is told
 
 
@@ -130,7 +130,7 @@ def _parts(path: Path, log: LogColumns, identification: Identification) -> Itera
     if np.isnan(values).any():
         row = np.flatnonzero(np.isnan(values))[0] + 1
         raise StudyError(
-            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected that of a part"
+            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of a part"
         )
     parts = np.unique(values)
     if len(parts) > FILE_LOGS_MOST:
@@ -204,7 +204,7 @@ def _lacking(
     limited = {f"columns.{signal}.files": files for signal, files in having.items() if files}
     instead = "".join(f", or {key} = [{_quoted(files)}]" for key, files in limited.items())
     return Advice(
-        f"{where}: no column {listed}{others}: expected in columns a heading that the file has{instead}",
+        f"{where}: no column {listed}{others}: expected in [columns] a heading that this file has{instead}",
         *(cure for cure in (renamed, limited) if cure),
     )
 
@@ -254,7 +254,9 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
                 f"{where}: {identification.columns[signal].name}: never changes: expected a moving {signal}"
             )
     if signals.keys() <= {"t"}:
-        raise StudyError(f"{where}: nothing but the time: expected an angle, a speed or a current in columns")
+        raise StudyError(
+            f"{where}: no column but the time: expected an angle, a speed or a current in [columns]"
+        )
     if rule.kind == "hold" and "t" not in signals:
         return _hold(where, name, rule, signals, identification, remarks)
     if "t" not in signals:
@@ -281,7 +283,7 @@ def _before_a_column_ends(
 
 def ended_early(channel: str, end: float, others: str, other_end: float) -> str:
     """What is said of a channel that ends before others of its log, each so many s after the start."""
-    return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: it is used up to there."
+    return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: the log is used up to there."
 
 
 def _complete(
@@ -341,8 +343,8 @@ def _one_clock(name: str, t: Array, identification: Identification, remarks: lis
         missing = steps[back] + period
         if np.all((missing > 0) & (missing < CLOCK_ROWS_MOST * forward)):
             remarks.append(
-                f"{name}: the clock begins anew {len(back)} times, after {period:.7g} s; it is laid end "
-                "to end."
+                f"{name}: the time begins again {len(back)} times, after {period:.7g} s; the parts are "
+                "joined end to end."
             )
             turns = np.zeros(len(t))
             turns[back + 1] = period
@@ -387,8 +389,8 @@ def _without_bursts(name: str, t: Array, signals: Columns, remarks: list[str]) -
     if np.std(arrival - lost - slope * last) > UNEVEN_SHARE * slope * np.median(sizes):
         return t
     remarks.append(
-        f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as packets give; they are "
-        f"taken for even, {1e3 * slope:.4g} ms apart."
+        f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as packets give; they "
+        f"are taken as evenly spaced, {1e3 * slope:.4g} ms apart."
     )
     return np.asarray(start + slope * np.arange(len(t)) + np.repeat(lost, np.diff(first, append=len(t))))
 
@@ -445,11 +447,15 @@ def _timed(
                 cure = {f"columns.{signal}.unit": unit for signal, unit in units.items()}
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
                 raise AdvisedError(
-                    Advice(f"{jumps}rows are before; degrees would not jump: expected {lines}", cure)
+                    Advice(
+                        f"{jumps}rows are before the jump; read as degrees the angle would not jump: "
+                        f"expected {lines}",
+                        cure,
+                    )
                 )
             raise StudyError(
-                f"{jumps}rows are before: expected {TIMED_ROWS_LEAST} or more of an encoder's angle, "
-                "not one of Hall sensors"
+                f"{jumps}rows are before the jump: expected {TIMED_ROWS_LEAST} or more of an encoder's "
+                "angle, not one of Hall sensors"
             )
         t, signals = t[:whole], {signal: values[:whole] for signal, values in signals.items()}
         _units_agree(where, t, signals, identification)
@@ -464,7 +470,7 @@ def _timed(
             spreads[use] = max(spreads.get(use, 0.0), float(np.std(np.diff(t[first:last]))))
     if not parts:
         raise StudyError(
-            f"{where}: no {TIMED_ROWS_LEAST} rows without a gap: expected a log without so many gaps"
+            f"{where}: fewer than {TIMED_ROWS_LEAST} rows between its gaps: expected a log with fewer gaps"
         )
     apart = f"rows are {1e3 * _period(t, dt):.3g} ms apart"
     remarks += [
@@ -514,8 +520,8 @@ def _amplitudes_agree(where: str, signals: Columns, identification: Identificati
     if alike > IN_PROPORTION and abs(np.sqrt(2) * ratio - 1) < 1 - IN_PROPORTION:
         raise AdvisedError(
             Advice(
-                f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: "
-                f"expected peak amperes: {identification.columns['i_q'].name} with scale = 1.41421 "
+                f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as if it "
+                f"were rms: expected peak amperes: {identification.columns['i_q'].name} with scale = 1.41421 "
                 "in the file of columns",
                 {
                     "columns.i_q.scale": 1.41421,
@@ -658,14 +664,13 @@ def _unwrapped(
     jumps = np.flatnonzero(moved > 0.5 * TURN)
     for size in (2**16, 2**32):
         if len(jumps) and size * tick > TURN and np.all(np.abs(moved[jumps] - size * tick) < 0.5 * TURN):
-            remarks.append(
-                f"{name}: the count overflows {len(jumps)} times, at {size}; it is laid end to end."
-            )
+            remarks.append(f"{name}: the count overflows {len(jumps)} times, at {size}, and is unwrapped.")
             return np.unwrap(theta, period=size * tick)
     alike = len(jumps) > 1 and np.ptp(moved[jumps]) < 0.1 * np.min(moved[jumps])
     if alike and np.min(moved[jumps]) > 1.5 * TURN:
         raise StudyError(
-            f"{where}: row {jumps[0] + 2}: the angle jumps by {moved[jumps[0]]:.4g} rad, which is no turn: "
+            f"{where}: row {jumps[0] + 2}: the angle jumps by {moved[jumps[0]]:.4g} rad, which is not a "
+            "whole turn: "
             'expected its unit, such as unit = "deg", or counts that do not overflow'
         )
     if len(jumps):

@@ -87,7 +87,7 @@ def _check_blocks(path: Path) -> None:
     with path.open("rb") as file:
         start = file.read(HEADER_BYTE)
         if start[:8] not in (b"MDF     ", b"UnFinMF ") or start[8:9] != b"4":
-            raise StudyError(f"{path}: it does not begin as MDF 4 does: expected a readable MDF4 file")
+            raise StudyError(f"{path}: it does not begin like an MDF 4 file: expected a readable MDF4 file")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             packed = []
             numbers = 0

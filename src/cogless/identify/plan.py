@@ -54,7 +54,7 @@ def reach(study: Study, torque: Callable[[float], float]) -> float:
     if missing(0.0) >= 0:
         raise StudyError(
             f"{_voltage(study)}: expected more: the plan's currents take "
-            f"{(missing(0.0) + available) / available:.3g} times that at rest"
+            f"{(missing(0.0) + available) / available:.3g} times this voltage at standstill"
         )
     return float(brentq(missing, 0.0, most))
 
@@ -102,7 +102,7 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
         if least > min(most / 3, with_load):
             raise StudyError(
                 f"{_voltage(study)}: expected more: cogging stops this rotor below {least / RPM:.3g} rpm, so "
-                f"the plan needs {3 * least / RPM:.3g} rpm, and the voltage reaches {most / RPM:.3g}"
+                f"the plan needs {3 * least / RPM:.3g} rpm, but the voltage reaches only {most / RPM:.3g}"
             )
         v = max(v, 1.5 * least)  # at most half of what the voltage reaches
         slow = loaded = least / v
@@ -150,7 +150,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     if isinstance(study.drive.position_sensor, Hall):
         raise StudyError(
             f"{study.source.path}: drive.position_sensor: Hall sensors show six angles of an electrical "
-            "revolution, too few for cogging and friction: expected an encoder, which may be on loan"
+            "revolution, too few for cogging and friction: expected an encoder, for the time of the logs"
         )
     feedback = _feedback(study)
     source = study.source.tables

@@ -60,7 +60,7 @@ def _numbers(path: Path, log: LogColumns, with_gaps: bool) -> Columns:
         raise StudyError(f"{path}: no rows: expected a log")
     if len(lengths) > 1:
         raise StudyError(
-            f"{path}: columns of {min(lengths)} and {max(lengths)} rows: expected as many in each"
+            f"{path}: columns of {min(lengths)} and {max(lengths)} rows: expected columns of equal length"
         )
     for name, values in columns.items():
         wrong = np.flatnonzero(~(np.abs(values) < NUMBER_BELOW) & ~(with_gaps & np.isnan(values)))

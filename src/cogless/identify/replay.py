@@ -188,7 +188,7 @@ def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str,
             sentence = (
                 f"Not simulated: {without}. {UNCORRECTED} To be simulated, a log needs "
                 f"{estimate.identification.replay_rule}, a current loop whose rate is a multiple of its "
-                "rows' rate, and no table on."
+                "rows' rate, and no cogging table switched on."
             )
             if not traces:
                 return _with_remark(first, Agreement(sentence)), traces

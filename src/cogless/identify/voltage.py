@@ -204,9 +204,8 @@ def _of_k_t(identification: Identification, measured: Value) -> str:
     says += f"; {identification.described_in} has {described:.4g}"
     if abs(measured.value - described) <= K_T_DIFFERENCE * described + measured.error:
         return (
-            f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, make as much, "
-            "so it "
-            "is open which is right; all torques are in proportion to it."
+            f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, have the "
+            "same effect, so it is open which value is right; all torques are in proportion to it."
         )
     if measured.value <= 2 * measured.error:
         return f"{says}: the signs of u_q, of i_q and of the angle do not fit each other."
@@ -231,7 +230,7 @@ def _of_r(identification: Identification, measured: Value) -> list[str]:
             f"The voltage says R = {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times that of "
             f"the file of columns ({described:.3g}): i_q is in rms amperes, which makes all torques sqrt(2) "
             "too small, or the winding "
-            f"is {TEMPERATURE_RISE:.0f} K warmer; record i_a and i_b, which tell it.",
+            f"is {TEMPERATURE_RISE:.0f} K warmer; record i_a and i_b, which decide it.",
             recording(signal="i_a"),
         )
     ]

@@ -44,7 +44,7 @@ END_HALVINGS = 5
 PAIRS_REPEATS = 9  # times that a value is tried, each beside different pole pairs
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "it acts on the same numbers as another key"
-OTHER_SHAPE = "the run's description takes another shape with it"
+OTHER_SHAPE = "it changes the shape of the run's description"
 Samples = Callable[[Candidate], list[float]]
 Columns = Mapping[Number, Mapping[float, float]]  # of each number its value at each stop
 

@@ -267,8 +267,7 @@ def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values:
 
 
 def _no_product(number: Number, what: str) -> StudyError:
-    expected = "expected numbers that follow the motor's keys as products of powers"
+    expected = "expected a product of powers of the motor's values"
     return StudyError(
-        f"--own-motor: {expected}, which {number.path} does not{what}; cogless live takes the study without "
-        "--own-motor"
+        f"--own-motor: {number.path}: {expected}{what}; cogless live takes the study without --own-motor"
     )

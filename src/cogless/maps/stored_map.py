@@ -143,7 +143,7 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
     """Decode the map that begins at `offset`; bytes after it are ignored. MapError: it isn't a valid map."""
     whole = memoryview(data)[offset:]
     if bytes(whole[:4]) != MAGIC_BYTES:
-        raise MapError(f'no map: expected "{MAGIC_BYTES.decode()}" in the beginning')
+        raise MapError(f'no map: expected "{MAGIC_BYTES.decode()}" at the beginning')
     if len(whole) < HEADER_BYTES:
         raise MapError(f"cut short: expected {HEADER_BYTES} bytes of header, got {len(whole)}")
     (crc,) = struct.unpack_from("<I", whole, HEADER_BYTES - 4)
@@ -161,7 +161,7 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
     )
     is_valid = is_valid and 1 <= channels <= 3 and 1 <= cells <= 1 << 24 and ratio > 0
     if not (is_valid and (turns == 0) == (parts == 0)):
-        raise MapError("a header that is none of version 1, with a CRC that is right")
+        raise MapError("a header that is not valid in version 1, though its CRC is right")
     end = HEADER_BYTES + 4 * channels * cells
     end += -end % write_size
     mark = _mark(crc, write_size)
@@ -172,7 +172,7 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
             f"damaged: the entries' CRC is 0x{crc32(whole[HEADER_BYTES:end]):08X}, not 0x{entries_crc:08X}"
         )
     if whole[end : end + len(mark)] != mark:
-        raise MapError("damaged: no mark in the end: its save was not finished")
+        raise MapError("damaged: no mark at the end: the map was not saved completely")
     values = np.frombuffer(whole, "<f4", channels * cells, HEADER_BYTES).reshape(channels, cells)
     for c, limit in enumerate(limits[:channels]):
         wrong = np.flatnonzero(~(np.abs(values[c]) <= np.float32(limit)))

@@ -222,7 +222,7 @@ NAME_COLUMNS = 18  # before the values in `lines`
 def comparison_lines(comparison: Comparison) -> list[str]:
     """Lines that `cogless pil` prints."""
     rows = [
-        ("result", "every output and what was learned: bit for bit equal"),
+        ("result", "every output and all learned values: bit for bit equal"),
         (
             "compared",
             f"{comparison.ticks} periods of {comparison.study}, "
@@ -236,7 +236,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
         ("  end of a trial", str(comparison.end_of_trial or "")),
         ("stack", f"{comparison.stack} bytes"),
         ("flash", f"{comparison.flash} bytes, {comparison.constants} of them the configured constants"),
-        ("RAM", f"{comparison.ram} bytes, {comparison.memory} of them what the law learns into"),
+        ("RAM", f"{comparison.ram} bytes, {comparison.memory} of them memory of the learned values"),
         ("compiler", f"{comparison.compiler} {comparison.flags}"),
     ]
     if comparison.difference is not None:

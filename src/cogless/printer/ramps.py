@@ -176,8 +176,8 @@ def check_pace(run: Run, start: float, move: Move, wavelength: float) -> None:
     if best_energy > own_energy:
         raise StudyError(
             f"{run.name}: the move is about {best:.2f} times as fast as {1e3 * move.length:.4g} mm with "
-            f"up to {1e3 * move.top_speed:.4g} mm/s: expected the file that --plan had, and a clock that "
-            "is right"
+            f"up to {1e3 * move.top_speed:.4g} mm/s: expected the --drive-config file of --plan, and a "
+            "correct clock"
         )
 
 
@@ -422,7 +422,7 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         frequencies[n], moved[n] = (n * speeds / wavelength)[sound], np.abs(b - a)[sound]
     if max(pair.change for pair in pairs.values()) < CHANGE_LEAST:
         raise StudyError(
-            f"{second.name}: the probe changes nothing against {first.name}: expected a printer whose "
+            f"{second.name}: the probe has no effect, compared with {first.name}: expected a printer whose "
             "SET_PHASE_CORRECTION acts, and a log of its own for each ramp"
         )
     psi: dict[int, complex] = {}

@@ -70,7 +70,7 @@ SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"
 TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
-TOO_FEW_TURNS = "under one turn"  # in place of the value of an order
+TOO_FEW_TURNS = "less than one turn"  # in place of the value of an order
 EVENT_KINDS = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNT_KINDS = ("trials-to-floor", "trials-at-limit")
 QUANTITIES = {
@@ -296,7 +296,7 @@ def not_judged(lines: Sequence[Line]) -> list[str]:
             by_reason.setdefault(line.unjudged, []).append(line.quantity)
     return [
         f"{quantities[0]}{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
-        f"not judged, since {why}{'; what is left is in omega_error' if why == VARIES else ''}"
+        f"not judged, since {why}{'; omega_error shows the remaining error' if why == VARIES else ''}"
         for why, quantities in by_reason.items()
     ]
 
@@ -316,7 +316,7 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
             by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
         f"the guard paused the learning of {study.label(c)}, {when}, to compare the ripple with that of the "
-        f"feedback alone: {_harm(study, c, within) or f'its {within[0].quantity} is in part from that time'}"
+        f"feedback alone: {_harm(study, c, within) or f'its {within[0].quantity} is in part from this time'}"
         for c, (when, within) in by_controller.items()
     ]
 
@@ -339,7 +339,7 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
         return ""
     much = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
     if own is None:
-        return f"what is left there is {much}, whose feedback is another"
+        return f"its ripple there is {much}, whose feedback is another"
     why = DESIGNS[study.kind].likely_harm(study, controller)
     return f"learning does harm here, {much}{f' ({why})' if why else ''}"
 

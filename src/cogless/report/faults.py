@@ -114,7 +114,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     usual = f"Afterwards the ripple is about what it {'is without the fault' if twin else 'was'}"
     if judged == cases:
         return "better", f"{usual}."
-    return "even", f"{usual}, where that can be told." if judged else ""
+    return "even", f"{usual}, where this can be judged." if judged else ""
 
 
 def _sentence(results: Results, run: Run, response: Response) -> str:

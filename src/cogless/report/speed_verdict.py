@@ -377,7 +377,7 @@ def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = 
     whose = "the sensor's own error, which no law can see (its share of the square)"
     own = f"Most of the true {case.line.quantity} is {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        remainder = f"As measured there is left: {case.values_in_words(blurred, part.seen)}."
+        remainder = f"In the measured values there is left: {case.values_in_words(blurred, part.seen)}."
         return case, remainder if limited else f"{own} {remainder}"
     lines = [part.seen if line is case.line else line for line in case.lines]
     return replace(case, line=part.seen, lines=lines), own

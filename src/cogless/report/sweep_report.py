@@ -84,7 +84,8 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
     details = [f"{failed} runs failed; sweep.parquet has their errors."] if failed else []
     if not limited:
         details.append(
-            "No metric has a limit; with one (limit = ... in its table) the share that keeps it is told."
+            "No metric has a limit; with limit = ... in a metric's table, the share of variants that "
+            "keep it is told."
         )
     return ScenarioVerdict(
         scenario, _tone(results, limited), _headline(results, runs, limited), details, parts
@@ -252,13 +253,13 @@ def _influences(sweep: Sweep, runs: Runs, column: Column) -> list[list[Influence
 def _influence_note(sweep: Sweep) -> str:
     sentences = [
         "Rank: Spearman's correlation of the key with the metric, -1 to 1. Alone: the share of the metric's "
-        "variance that the key explains by itself (first-order Sobol index, RBD-FAST); what the shares lack "
-        "of 1 is keys acting together, and noise."
+        "variance that the key explains by itself (first-order Sobol index, RBD-FAST); the rest to 1 "
+        "comes from keys acting together, and from noise."
     ]
     count, least = sweep.ensemble.count, SOBOL_VARIANTS_LEAST
     few = f"{count} variants are too few for Sobol indices: expected {least} or more."
     if sweep.study.vary is not None and sweep.study.vary.together:
-        sentences.append("Keys that vary together share what they explain.")
+        sentences.append("Keys that vary together share the variance that they explain.")
     return note(" ".join(sentences)) + reservations(
         [few] if sweep.ensemble.count < SOBOL_VARIANTS_LEAST else []
     )

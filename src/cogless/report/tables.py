@@ -59,7 +59,7 @@ def term_tables(results: Results, runs: Sequence[Run]) -> str:
     tables = "".join(_terms(results, run) for run in runs)
     heading = note(
         f"RMS of each term of the current reference late in {runs[0].scenario}; the varying part is about "
-        "its mean, so it leaves out what only carries the load."
+        "its mean, so it leaves out the constant current that carries the load."
     )
     return heading + tables if tables else ""
 
@@ -98,7 +98,7 @@ REST_SPEED_MOST = 1e-9  # rad/s; below this reference the drive holds its positi
 
 DELAY_NOTE = (
     "Over the last part of the run, from {:.4g} to {:.4g} s. Jitter is about the mean. Torque ripple is "
-    "(max \u2212 min) / (max + min). What is measured is what the law sees, what is true what the load sees."
+    "(max \u2212 min) / (max + min). The law sees the measured values, the load the true ones."
 )
 
 

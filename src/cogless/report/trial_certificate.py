@@ -18,9 +18,10 @@ CERTIFICATE_NOTE = (
     "parameters and over random plants within them (the pointer tells which). Along the trial: the largest "
     "pole of the loop, stable below 1. From trial to trial: |F|, the largest factor by which any frequency "
     "of the error is multiplied from one trial to the next; with the ends: growth a trial in tried trials, "
-    "which begin and end. Neither above 1, the error doesn't grow (monotone); and |F| below 1 everywhere, "
-    "it shrinks at every frequency (contracting). Largest share: of any error without learning (with an "
-    "observer, of any missing input), what a trial may have at most."
+    "which begin and end. If neither is above 1, the error doesn't grow (monotone); if |F| is also below "
+    "1 everywhere, it shrinks at every frequency (contracting)."
+    " Largest share: what a trial may have at most of any error without learning (with an observer, of "
+    "any missing input)."
 )
 GAIN_ROUNDING = 1e-4  # share of K_3
 MINUS = "−"  # noqa: RUF001

@@ -339,7 +339,9 @@ def _held_back(c: Case) -> str:
     held_trials = {name: trials for name, trials in c.held_back.items() if trials}
     if not held_trials:
         return ""
-    return f"The guard holds learning back, since it left more error than before: {_trials(c, held_trials)}."
+    return (
+        f"The guard holds learning back, since learning had made the error larger: {_trials(c, held_trials)}."
+    )
 
 
 def _trials(c: Case, counts: Mapping[str, int]) -> str:
@@ -379,10 +381,12 @@ def _certificates(c: Case) -> list[str]:
         f"{c.labels(names)} {_are(names)} not certified: {reason}." for reason, names in uncertified.items()
     ]
     sentences += [
-        f"Of {c.labels(names)} the certificate doesn't speak: {reason}." for reason, names in outside.items()
+        f"Of {c.labels(names)} the certificate says nothing: {reason}." for reason, names in outside.items()
     ]
     if refuted:
-        sentences.append(f"The models certify {c.labels(refuted)}, but this run does not: the run counts.")
+        sentences.append(
+            f"The models certify {c.labels(refuted)}, but this run contradicts them: the run counts."
+        )
     for (model, plants), names in proven.items():
         sentences.append(
             f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "

@@ -84,7 +84,9 @@ def make_law(study: AnyStudy, name: str) -> Any | None:
     class_name = controller.python_class.rpartition(":")[2]
     path = _find(study, f"controller.{name}.object", controller.code, controller.python_class)
     where = f'{study.source.path}: controller.{name}.object: "{controller.python_class}"'
-    with _reporting(where, path, "expected a file that loads; it may import what is installed or beside it"):
+    with _reporting(
+        where, path, "expected a file that loads; it may import installed modules, or files beside it"
+    ):
         module = _module(path.resolve())
     maker = getattr(module, class_name, None)
     if maker is None:

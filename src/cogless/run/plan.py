@@ -116,7 +116,10 @@ def compiled(study: AnyStudy) -> Any:
     try:
         return import_module("cogless._simulator_f64")
     except ModuleNotFoundError as error:
-        cause = "its control laws compute in double precision, and cogless was built without that engine"
+        cause = (
+            "its control laws compute in double precision, and cogless was built without the "
+            "double-precision engine"
+        )
         raise StudyError(f"{study.source.path}: {cause}; `make build` adds it") from error
 
 
@@ -373,4 +376,7 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
         if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
             return drive.stored(state)["values"]
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
-    raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")
+    raise StudyError(
+        f"{line}: the calibration run is not done after {3 * expected:.3g} s: expected kp "
+        "and ki that hold the run's speed"
+    )

@@ -55,12 +55,12 @@ def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: flo
     if low / UNLIKELY_FACTOR <= value <= high * UNLIKELY_FACTOR:
         return ""
     ratio = value / high if value > high else low / value
-    what = "times the most" if value > high else "times less than the least"
+    what = "times the largest" if value > high else "times below the smallest"
     end = amount(high if value > high else low, dimension)
     meant = _meant(answer.text, dimension, low, high)
     return (
-        f'--{flag}: "{answer.text}": {digits(ratio, 2)} {what} that is usual in such a motor, {end}'
-        f"{f'; if {meant} is meant, say so' if meant else ''}"
+        f'--{flag}: "{answer.text}": {digits(ratio, 2)} {what} usual value of such a motor, {end}'
+        f"{f'; perhaps you mean {meant}' if meant else ''}"
     )
 
 

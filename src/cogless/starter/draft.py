@@ -202,12 +202,12 @@ def better_base(study: Study) -> tuple[int, str] | None:
     answers = [outcome(variant, result.runs[0]) for variant, result in zip(variants, results, strict=True)]
     ripple = {base: answer.ripple for base, answer in zip(rivals, answers, strict=True) if answer.holds}
     complete, roomy = rivals
-    learns = f"{complete} learns all orders of the cogging, {roomy} the error of the sensor"
+    learns = f"base {complete} learns all orders of the cogging, base {roomy} the error of the sensor"
     of_run = f"in the run of {run.duration:g} s below, with these numbers"
     if not ripple:
-        return complete, f"{learns}: with neither is the speed held {of_run}"
+        return complete, f"{learns}: neither holds the speed {of_run}"
     best = min(ripple, key=ripple.__getitem__)
-    rms = ", ".join(f"{base} {amount(value, units.ANGULAR_SPEED)}" for base, value in ripple.items())
+    rms = ", ".join(f"base {base} {amount(value, units.ANGULAR_SPEED)}" for base, value in ripple.items())
     return best, f"{learns}. Ripple (rms) {of_run}: {rms}"
 
 
@@ -399,7 +399,7 @@ def _drive(
         stated = flag in request.numbers or "current-rate" in request.numbers
         section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
     if steps > 1:
-        section.put("integration_steps", steps, note="enough at the ends of the guesses, too")
+        section.put("integration_steps", steps, note="enough at both ends of the guessed ranges, too")
 
     section = sheet.section("[drive.current_loop]")
     bandwidth = current_rate * BANDWIDTH_SHARE
@@ -447,7 +447,7 @@ def _limit(sheet: Sheet, section: Section, motor: MotorFacts, drive: Part) -> No
     if motor.limit >= most.typical:
         section.put("current_limit", amount(most.typical, units.CURRENT), origin(most))
         return
-    what = "what the motor bears all day"
+    what = "the motor's continuous current"
     if not motor.limit_is_guess:
         section.put("current_limit", amount(motor.limit, units.CURRENT), note=what)
         return

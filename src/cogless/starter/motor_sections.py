@@ -145,14 +145,14 @@ def _layout(
 def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> str:
     also = _alternatives([other // 2 for _, other in others], poles // 2)
     table = part.table["layouts"]
-    return f"guess: or {also}; {table.get('source') or table['guess']}"
+    return f"guess: {also} is possible, too; {table.get('source') or table['guess']}"
 
 
 def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int, poles: int) -> str:
     if named.get("slots"):
-        return f"guess: or another number that fits {poles} poles; as in the study of this motor"
+        return f"guess: as in the study of this motor; another number that fits {poles} poles is possible"
     also = _alternatives([other for other, _ in others], slots)
-    return f"guess: or {also}; a winding that is balanced with its poles, as most motors have"
+    return f"guess: {also} is possible, too; a winding balanced with the poles, as most motors have"
 
 
 def _alternatives(numbers: list[int], chosen: int) -> str:
@@ -273,8 +273,8 @@ def _cogging(
     slots, poles = layout
     why = {
         "cogging": f"least common multiple of {slots} slots and {poles} poles",
-        "slot_cogging": "the slots: what uneven magnets add",
-        "pole_cogging": "the poles: what uneven slots add",
+        "slot_cogging": "the number of slots: what uneven magnets add",
+        "pole_cogging": "the number of poles: what uneven slots add",
     }
     is_stated, orders = "cogging" in request.numbers, cogging_orders(slots, poles)
     for place, (key, order) in enumerate(orders.items()):
@@ -291,7 +291,7 @@ def _cogging(
             name = f"cogging, {order} waves a turn"
             sheet.guess(section, "torque", figure, units.TORQUE, path=path, name=name)
         if place:
-            section.put("phase", _phase(key), note="any")
+            section.put("phase", _phase(key), note="arbitrary")
     if is_stated and amplitudes["cogging"].typical:
         sheet.guesses.append(_split_variants(request, part, amplitudes["cogging"], layout))
         parts_text = ", ".join(
@@ -381,7 +381,7 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         section.put("step_angle", request.numbers["step-angle"].text)
     else:
         usual = part["step_angle"]
-        reason = f"guess: or 0.9 deg; {usual.reason}"
+        reason = f"guess: 0.9 deg is possible, too; {usual.reason}"
         section.put("step_angle", amount(usual.typical, units.ANGLE, "deg"), reason)
     teeth = _teeth(request, part)
     holding_value = holding or part["rated_torque"].typical

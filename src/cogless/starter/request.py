@@ -80,7 +80,7 @@ class Request:
     """Names and numbers of a study to write; what is missing is guessed.
 
     `motor`, `drive`, `encoder`: names of the catalogue. `numbers`: by the names of `NUMBERS`. `faster`:
-    further speeds, each above the one before; the slowest is among the numbers.
+    further speeds, each above the previous one; the slowest is among the numbers.
     """
 
     motor: str

@@ -73,7 +73,9 @@ def put_sensor(
             "observer_bandwidth", bandwidth, note="three times the crossover, and no faster than counts come"
         )
     if not timed and "latency" in sensor.figures:
-        sheet.guess(section, "latency", sensor["latency"], units.TIME, path=PATH, name="age of the angle")
+        sheet.guess(
+            section, "latency", sensor["latency"], units.TIME, path=PATH, name="age of the measured angle"
+        )
     for place, key in enumerate(("once", "twice")):
         part = sheet.section(f"[[{PATH}.error]]")
         part.put("order", place + 1)
@@ -86,7 +88,7 @@ def put_sensor(
             name=f"error of the sensor, {key} a turn",
         )
         if place:
-            part.put("phase", "60 deg", note="any")
+            part.put("phase", "60 deg", note="arbitrary")
 
 
 def _hall(sheet: Sheet, section: Section, sensor: Part) -> None:
@@ -98,7 +100,9 @@ def _hall(sheet: Sheet, section: Section, sensor: Part) -> None:
         amount(end, units.ANGLE): {f"{PATH}.placement": _placement(end)} for end in (figure.low, figure.high)
     }
     sheet.guesses.append(
-        Guess(key=f"{PATH}.placement", name="places of the Hall sensors", span=text, variants=variants)
+        Guess(
+            key=f"{PATH}.placement", name="placement errors of the Hall sensors", span=text, variants=variants
+        )
     )
 
 

@@ -139,7 +139,10 @@ class Together(Table):
             raise invalid("expected two or more different keys", "keys")
         least = -1 / (len(self.keys) - 1)
         if self.correlation < least:
-            expected = f"expected {least:.3g} or more, since no {len(self.keys)} values can all be less alike"
+            expected = (
+                f"expected {least:.3g} or more, since no {len(self.keys)} values can have a "
+                "lower correlation with each other"
+            )
             raise invalid(expected, "correlation")
         return self
 

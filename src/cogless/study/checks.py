@@ -38,7 +38,7 @@ def faults(study: Study | TrialStudy) -> None:
             if drive is None or motor is None:
                 raise invalid("expected none, of a drive", "scenario", name, "faults")
             if drive.ideal and isinstance(fault, CurrentFault | BusFault):
-                expected = "expected a fault of the angle: an ideal current loop measures no more"
+                expected = "expected a fault of the angle: an ideal current loop measures nothing else"
                 raise invalid(expected, *where, "kind")
             measured = "ab" if motor.phases == 2 or drive.current_sensors.sensors == 2 else "abc"
             if isinstance(fault, CurrentFault) and fault.phase not in measured:
@@ -53,7 +53,7 @@ def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> Non
     if fault.duration * rate < 1 - 1e-9:
         raise invalid(f"expected {period}, or more", *where, "duration")
     if round(fault.time * rate) >= round(end * rate):
-        expected = f"expected a time before the scenario's {end:g} s by {period}, or more"
+        expected = f"expected a time {period}, or more before the scenario's end at {end:g} s"
         raise invalid(expected, *where, "time")
 
 
@@ -135,7 +135,8 @@ def feedback_under_guard(study: Study) -> None:
     for name, law in study.controller.items():
         if law.missing_feedback is not None:
             expected = (
-                "expected more than 0, the feedback that the guard compares with; or drive.guard = false"
+                "expected more than 0, since the guard compares with the feedback alone; or drive.guard "
+                "= false"
             )
             raise invalid(expected, "controller", name, law.missing_feedback)
 
@@ -153,7 +154,10 @@ def slots(study: Study) -> None:
     if missing:
         keys = " and ".join(f"controller.{name}.base" for name in missing)
         raise invalid(
-            f"expected their number, or {keys}, for the orders to learn", "motor", "slots", value="missing"
+            f"expected the number of slots, or {keys}, for the orders to learn",
+            "motor",
+            "slots",
+            value="missing",
         )
 
 
@@ -166,7 +170,7 @@ def sensor_side(study: Study | TrialStudy) -> None:
         raise invalid('expected "motor", since there is no mechanics.load_side', *key)
     if study.mechanics.ratio % 1:
         expected = f'expected "motor", since the ratio {study.mechanics.ratio:g} is not whole'
-        raise invalid(f"{expected}: the load's angle would not tell the motor's", *key)
+        raise invalid(f"{expected}: the load's angle does not determine the motor's", *key)
 
 
 def calibration(study: StudyBase) -> None:

@@ -119,7 +119,7 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
         )
         if rising_column.along and place_here <= rising_column.along[-1]:
             cell, article = quoted_cells(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
-            raise invalid(f"line {number}: {cell}: expected {article} {axis} above the one before", "file")
+            raise invalid(f"line {number}: {cell}: expected {article} {axis} above the previous one", "file")
         rising_column.along.append(place_here)
         rising_column.value.append(value_there)
         rising_column.line.append(number)
@@ -232,8 +232,8 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
     step = abs(value[-1] - value[0])
     if step > SEAM_RATIO * largest:
         raise invalid(
-            f"line {last}: the {name} does not close over the revolution: from the last to the first it "
-            f"steps {step / largest if largest else math.inf:.3g} times as far as anywhere else",
+            f"line {last}: the {name} does not close over the revolution: from the last line to the "
+            f"first it steps {step / largest if largest else math.inf:.3g} times as far as anywhere else",
             "file",
         )
     if span > TURN * (1 - 1e-6):
@@ -275,7 +275,9 @@ def points(path: Path) -> Points:
         for value, text, (name, _) in zip((time, speed), row, SPEED_COLUMNS, strict=True):
             finite(text, value, name, where)
         if time_and_speed and time * scales[0] <= time_and_speed[-1][0]:
-            raise invalid(f"{where}{quoted_cells(row[0])}: expected a time after the line before", "file")
+            raise invalid(
+                f"{where}{quoted_cells(row[0])}: expected a time after that of the previous line", "file"
+            )
         time_and_speed.append((time * scales[0], speed * scales[1]))
     if not time_and_speed:
         raise invalid("expected lines of time in s and speed in rad/s", "file")

@@ -87,8 +87,8 @@ class AngleFile(Table):
             rest -= abs(c) ** 2
         if len(taken) > MOST_ORDERS:
             raise invalid(
-                f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, it takes "
-                f"{len(taken)}; or name them in orders",
+                f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, the table "
+                f"takes {len(taken)}; or name them in orders",
                 *key,
                 "file",
             )
@@ -105,7 +105,7 @@ class AngleFile(Table):
                 math.isclose(stated, factor * size, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
             )
             why = "; peak and peak to peak differ by 2" if twice else ""
-            raise invalid(f"expected {size:.4g} {unit} or so, as the table has{why}", key)
+            raise invalid(f"expected about {size:.4g} {unit}, as the table has{why}", key)
 
 
 def _folder(info: ValidationInfo) -> Path:
@@ -306,7 +306,8 @@ def _block_commutated(by_word: Mapping[str, float], first: str, other: str) -> s
     if abs(by_word["K_t"] / by_word[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > FACTOR_TOLERANCE:
         return ""
     return (
-        "; K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"
+        "; K_t = 1/kv holds for block commutation, with sinusoidal currents K_t is sqrt(3)/2 of that: "
+        "delete K_t"
     )
 
 

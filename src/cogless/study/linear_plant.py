@@ -51,7 +51,7 @@ def evaluate(text: str, values: Mapping[str, float]) -> float:
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, ExpressionError):
             raise
-        raise ExpressionError(f"expected a value, not one that fails ({error})") from None
+        raise ExpressionError(f"expected a value that can be computed ({error})") from None
     if not math.isfinite(value):
         raise ExpressionError("expected a finite value")
     return value

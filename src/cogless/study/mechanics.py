@@ -94,7 +94,7 @@ class TimeTable(Table):
 def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> None:
     """Refuse a table without points, with points that don't increase, or without one value per point."""
     if not points or any(b <= a for a, b in pairwise(points)):
-        raise invalid("expected one or more values, each above the one before", axis)
+        raise invalid("expected one or more values, each above the previous one", axis)
     if len(points) != len(values):
         raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
 
@@ -157,7 +157,10 @@ class Mass(Table):
         lowest = min(self.friction_table.torque, default=0.0) if self.friction_table else 0.0
         least = self.coulomb_friction + lowest
         if least < 0:
-            raise invalid("expected no more below zero than coulomb_friction is above", "friction_table")
+            raise invalid(
+                "expected torques that nowhere make coulomb_friction plus the table negative",
+                "friction_table",
+            )
         if sum(abs(h.torque) for h in self.friction_harmonics) > least * (1 + 1e-9):
             raise invalid(
                 f"expected amplitudes of {least:.6g} N*m or less together, so that friction is "
@@ -197,7 +200,9 @@ class LoadSide(Mass):
     @model_validator(mode="after")
     def _turns_on(self) -> Self:
         if self.slope[0] <= 0:
-            raise invalid("expected smaller ones: the gear's output would turn back", "gear_errors")
+            raise invalid(
+                "expected smaller errors: with these the gear's output would turn back", "gear_errors"
+            )
         return self
 
     @property

@@ -43,7 +43,7 @@ EXPECTED = {
 OF_WORDS, WORDS = ("union_tag_invalid", "literal_error"), re.compile(r'"([^"]+)"')
 ONE_OF = 'expected one of "'
 MISSING_KINDS = {
-    "law": "expected a law, one of those of cogless list",
+    "law": "expected a law that cogless list shows",
     "position_sensor": 'expected a kind of sensor, such as "encoder"',
     "faults": 'expected a kind of fault, such as "angle-missing"',
 }

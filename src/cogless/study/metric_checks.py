@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 OF_A_LAW = "expected a signal that a controller of this study has"
 # Properties of a drive that a signal may need (signals.def), and the error text if the drive lacks one.
 NEEDED = {
-    "electrical": "expected another, since the current loop is ideal",
-    "three_phases": "expected another, since the motor has two phases",
-    "thermal": "expected another, or a table motor.temperature",
-    "energy": "expected another, or trace.energy = true",
-    "load_side": "expected another, or a table mechanics.load_side",
-    "path": "expected another, or a controller such as harmonic with position = true",
+    "electrical": "expected another signal, since the current loop is ideal",
+    "three_phases": "expected another signal, since the motor has two phases",
+    "thermal": "expected another signal, or a table motor.temperature",
+    "energy": "expected another signal, or trace.energy = true",
+    "load_side": "expected another signal, or a table mechanics.load_side",
+    "path": "expected another signal, or a controller such as harmonic with position = true",
     "trial_law": OF_A_LAW,
 }
 
@@ -123,7 +123,7 @@ def known_signals(study: Study | TrialStudy) -> None:
     has_belt = study.mechanics is not None and study.mechanics.belt is not None
     for index, metric in enumerate(study.metric):
         if metric.kind == "carriage-ripple" and not has_belt:
-            raise invalid("expected another, or a table mechanics.belt", "metric", index, "kind")
+            raise invalid("expected another kind, or a table mechanics.belt", "metric", index, "kind")
     named = {index: metric.signal for index, metric in enumerate(study.metric) if metric.signal}
     for index, absent in zip(named, missing(study, named.values()), strict=True):
         if absent is not None:
@@ -134,11 +134,13 @@ def windows(study: Study) -> None:
     """Check the metrics of a speed study: their kind, enough rows in their windows, and events that exist."""
     for index, metric in enumerate(study.metric):
         if metric.kind in EACH_PHASE:
-            raise invalid("expected another, since there are no trials", "metric", index, "kind")
+            raise invalid("expected another kind, since there are no trials", "metric", index, "kind")
         if metric.kind == "copper-loss" and study.drive.ideal:
-            raise invalid("expected another, since the current loop is ideal", "metric", index, "kind")
+            raise invalid("expected another kind, since the current loop is ideal", "metric", index, "kind")
         if metric.kind == "chattering" and study.trace_rate < study.drive.rates.outer_loop * (1 - 1e-9):
-            expected = f"expected another, or a trace.rate of {study.drive.rates.outer_loop:g} Hz or more"
+            expected = (
+                f"expected another kind, or a trace.rate of {study.drive.rates.outer_loop:g} Hz or more"
+            )
             raise invalid(expected, "metric", index, "kind")
         _in_time(study, index, metric)
 
@@ -200,7 +202,7 @@ def orders(study: Study) -> None:
             if max(counted) * turns < half:
                 continue
             if metric.order is None:
-                expected = f"expected another, or a trace.rate above {2 * max(counted) * turns:.4g} Hz"
+                expected = f"expected another kind, or a trace.rate above {2 * max(counted) * turns:.4g} Hz"
                 raise invalid(f'{expected} for scenario "{name}"', "metric", index, "kind")
             limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
             raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")

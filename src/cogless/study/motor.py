@@ -438,7 +438,7 @@ class StepMotor(Table):
     @model_validator(mode="after")
     def _magnet(self) -> Self:
         if self.L_m and self.L_m[0] <= 0:
-            raise invalid("expected L_m1, above zero, and the others after it", "L_m")
+            raise invalid("expected L_m1 above zero, and then the others", "L_m")
         if abs(self.L_1) >= self.L_0:
             raise invalid("expected less than L_0", "L_1")
         return self

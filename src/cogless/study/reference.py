@@ -103,7 +103,7 @@ class Reference(Table):
         for key in ("profile", "moves"):
             times = [time for time, _ in getattr(self, key)]
             if self.kind == key and (not times or any(b <= a for a, b in pairwise(times))):
-                raise invalid("expected one or more points, each later than the one before", key)
+                raise invalid("expected one or more points, each later than the previous one", key)
         return self
 
     @model_validator(mode="after")

@@ -255,7 +255,7 @@ class MotorTemperature(Table):
                 raise invalid(f"expected {ABSOLUTE_ZERO} degC or more", key)
         for key, at in (("resistance_coefficient", self.winding), ("flux_coefficient", self.magnets)):
             if 1 + getattr(self, key) * (at - self.reference) <= 0:
-                raise invalid(f"expected one that leaves something at {at:g} degC", key)
+                raise invalid(f"expected a coefficient that leaves a positive value at {at:g} degC", key)
         return self
 
     @property

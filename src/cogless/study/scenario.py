@@ -138,7 +138,7 @@ class TorqueMode(Table):
         if len({"current", "profile"} & self.model_fields_set) != 1:
             raise invalid("expected either current or profile")
         if any(b <= a for (a, _), (b, _) in pairwise(self.profile)):
-            raise invalid("expected points, each later than the one before", "profile")
+            raise invalid("expected points, each later than the previous one", "profile")
         return self
 
     @property
@@ -221,7 +221,7 @@ class Scenario(Experiment):
                 expected = f"expected a time within the scenario's {self.duration:g} s"
                 raise invalid(expected, "events", index, "time")
             if event.time <= before:
-                raise invalid("expected a time after the event before", "events", index, "time")
+                raise invalid("expected a time after the previous event", "events", index, "time")
             before = event.time
         if self.torque_mode is not None and self.torque_mode.time >= self.duration:
             expected = f"expected a time within the scenario's {self.duration:g} s"

@@ -179,7 +179,9 @@ def _override(study: TrialStudy, key: str, value: object, where: tuple[str | int
     elif study.plant.vertex:
         count = len(study.plant.vertex)
         if key != "vertex" or isinstance(value, bool) or value not in range(1, count + 1):
-            raise invalid(f"expected vertex = a number of 1 to {count}; without it the mean", *where)
+            raise invalid(
+                f"expected vertex = a number of 1 to {count}; without vertex the mean of all", *where
+            )
     elif key not in study.plant.parameter:
         raise invalid(
             f"expected a parameter of the plant: {', '.join(study.plant.parameter) or 'none'}", *where

@@ -80,7 +80,7 @@ class PositionReference(Table):
     def _later(self) -> Self:
         times = [time for time, _ in self.points]
         if not times or any(b <= a for a, b in pairwise(times)):
-            raise invalid("expected one or more points, each later than the one before", "points")
+            raise invalid("expected one or more points, each later than the previous one", "points")
         return self
 
     def values_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -179,7 +179,7 @@ class TrialConditions(Table):
         steps = self.load_steps or ()
         for index in range(1, len(steps)):
             if steps[index][0] <= steps[index - 1][0]:
-                raise invalid("expected a sample after that of the step before", "load_steps", index)
+                raise invalid("expected a sample after that of the previous step", "load_steps", index)
         return self
 
 

@@ -118,7 +118,7 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if swings:
         return f"is unstable, at {swings.frequency:.3g} Hz"
     if math.isnan(position_margins(loop, Linear(ratio=1, k=kp, k_i=ki)).crossover):
-        return "records nothing: the speed loop, whose gain is nowhere one, follows no reference"
+        return "records nothing: the speed loop has no crossover, so it follows no reference"
     swinging = swing(study, scenario, feedback, speed)
     if swinging is not None and swinging.stops:
         return f"records nothing: {snaps(study, swinging, speed, position_margins(loop, feedback).crossover)}"
@@ -135,7 +135,10 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     most = int(orders[np.argmax(remaining)])
     why = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
     if added > np.max(remaining):
-        why = f"records {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after it turned, not settled yet"
+        why = (
+            f"records {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after it turned around, not "
+            "yet settled"
+        )
     return f"{why}: the table leaves {share:.2g} of the ripple"
 
 

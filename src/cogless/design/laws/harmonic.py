@@ -229,10 +229,10 @@ class Certified:
             slow = f", order{of} too slow to be judged"
         swings = f" (uncertain: the feedback alone lets the speed swing by {100 * self.swing:.0f} % rms)"
         return (
-            f"at {self.omega_m / RPM:.4g} rpm those to {self.acting} learn at {self.rate:.3g} 1/s, settle at "
-            f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
+            f"at {self.omega_m / RPM:.4g} rpm orders to {self.acting} learn at {self.rate:.3g} 1/s, "
+            f"settle at {'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
             f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
-            f"(Re Gamma {self.gamma:.2f} or more), to {self.late} with an untold sample of delay"
+            f"(Re Gamma {self.gamma:.2f} or more), orders to {self.late} with one more sample of delay"
             f"{_held_words(self.held)}{slow}{swings if self.swing > STALLING_RATIO else ''}"
         )
 
@@ -459,7 +459,7 @@ def _not_learned(study: Study, name: str) -> Remark | None:
     sentence = f"it learns {own_learner.order_words}, but the cogging has {orders}"
     needed = math.gcd(*cogging)
     if cogging[-1] > needed * HARMONIC_ORDERS:
-        return Remark(f"{sentence}; no base learns all of it with {HARMONIC_ORDERS} orders")
+        return Remark(f"{sentence}; no base learns all of the cogging with {HARMONIC_ORDERS} orders")
 
     def cured(other: Study) -> bool:
         return not _unlearned(other, name)[1]

@@ -130,7 +130,10 @@ class PeriodicLoop(LearningLoop):
                 swings = loop.oscillation()
                 frequency = loop.worst().frequency if swings is None else swings.frequency
                 least = speed_text(self.study, amplitude * 2**n / math.sqrt(2), digits=2)
-                return f"beta_1 sgn S keeps {least} rms of ripple or more alive, at {frequency:.0f} Hz"
+                return (
+                    f"the term beta_1 sgn S keeps a ripple of {least} rms or more alive, at "
+                    f"{frequency:.0f} Hz"
+                )
         return None
 
     def settling_leads(self) -> set[int]:

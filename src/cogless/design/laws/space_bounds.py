@@ -197,8 +197,8 @@ def speed_conditions(
     drift = bounds.k_h * (eta + motion.top_speed) / 2
     return (
         Condition("the printed bound", printed),
-        Condition("the corrected one", corrected),
-        Condition("that with its own limits", own, needed=True),
+        Condition("the corrected bound", corrected),
+        Condition("the bound with its own limits", own, needed=True),
         Condition("g_d (eta_bar + omega+) / 2", drift, needed=True),
     )
 

@@ -106,8 +106,8 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
         worst = min(uncancellable, key=lambda zero: abs(zero - 1))
         where = worst if worst.imag else worst.real
         raise DesignError(
-            f"feedforward: expected false: the zero at z = {where:.4g} can't be cancelled, and without that "
-            f"the feedforward amplifies up to {loudest:.3g} times"
+            f"feedforward: expected false: the zero at z = {where:.4g} can't be cancelled, and an "
+            f"uncancelled zero makes the feedforward amplify up to {loudest:.3g} times"
         ).advising({"feedforward": False})
     num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
     zeros_left, preview = tuple(complex(zero) for zero in uncancellable), r + len(uncancellable)

@@ -423,7 +423,7 @@ def _parameters(
         # for a fair comparison, with the model that is closest to the drive
         nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
         if nominal.radius >= 1:
-            late = "" if plant.sensor.at_once else ", of which it gets a late state"
+            late = "" if plant.sensor.at_once else ", whose state the feedback gets late"
             raise DesignError(f"K_s: expected feedback that is stable at the nominal plant{late}")
         matrix = norm_optimal(nominal, settings.samples, settings.change_weight)
         update = Update(shift, 0.0, settings.change_weight, nominal, matrix)
@@ -605,7 +605,7 @@ def _together(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tup
     """The end of a message, and the change that it advises: a shift and a filter that are chosen together."""
     choice = _automatic(plant, law, settings)
     if choice is None:
-        return ("; with this feedback none makes it fast, though",)
+        return ("; with this feedback, though, no value makes learning fast",)
     of = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
     end = f', and a shift that suits it: q_filter = "auto" and shift = "auto" choose {of} and {choice.shift}'
     return end, dict(AUTOMATIC)
@@ -635,7 +635,7 @@ def _by_frequency(
     G = bundle(w)
     if settings.cutoff is None or settings.filtered != "signal":
         K_3, worst = best_gain(G)
-        note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
+        note = f"K_3 is chosen by frequency, for the smallest factor a trial, {worst:.4g}"
         sentence = f"{note}: (35) is for a shift of {plant.relative_degree}"
         return (K_3, Remark(sentence)) if worst <= PROPOSED_FACTOR_MOST else None
     assert isinstance(settings.cutoff, float)
@@ -643,13 +643,15 @@ def _by_frequency(
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED_FACTOR_MOST:
         return None
-    note = "K_3 by frequency, for the smallest factor a trial with the filter on the learned signal, "
+    note = (
+        "K_3 is chosen by frequency, for the smallest factor a trial with the filter on the learned signal, "
+    )
     note += f"{worst:.4g}"
     better = better_shift(loops, plant.relative_degree, q_filter, shift, settings.samples)
     if better is None:
         return K_3, Remark(note)
     now, other, then = better
-    note += f", or {now:.2g} with the trial's ends; shift = {other} would make that {then:.2g}"
+    note += f", or {now:.2g} with the trial's ends; shift = {other} would make this factor {then:.2g}"
     return K_3, Remark(note, ({"shift": other},))
 
 

@@ -98,7 +98,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         return [corners[k] for k in hull.corner_indices], True, ""
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
-    note = f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
+    note = f"the set (23) reaches beyond its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
     return widened, False, f"{note}bounding polytope of {len(widened)} vertices is used"
 
 
@@ -124,7 +124,9 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
             K_3, bounds, result, status = solution
             return LearningGain(K_3=K_3, bounds=bounds, check=result, status=status, affine=affine, note=note)
     rounded = float(f"{start:.4g}")
-    keeps = f"with K_3 = {rounded:g} no vertex and frequency keeps more than {worst:.4g} of its error"
+    keeps = (
+        f"with K_3 = {rounded:g} the error at each vertex and frequency keeps at most {worst:.4g} of its size"
+    )
     raise DesignError(f"K_3: missing: expected a number, since (35) has no certificate: {keeps}").advising(
         {"K_3": rounded}
     )

@@ -347,9 +347,7 @@ def from_parameters(
         nominal = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
     missing = sorted(set(nominal) ^ set(ranges))
     if missing:
-        raise DesignError(
-            f"nominal: expected the parameters that have ranges, all and only: {missing[0]} differs"
-        )
+        raise DesignError(f"nominal: expected exactly the parameters that have ranges: {missing[0]} differs")
     _check_period(period)
 
     def physical(parameters: Parameters) -> Model:
@@ -398,7 +396,7 @@ def from_vertices(
     vertices = [Model.from_arrays(*pair, key=f"vertex {k + 1}") for k, pair in enumerate(models)]
     sizes = {m.order for m in vertices}
     if len(sizes) > 1:
-        raise DesignError(f"vertex: expected all of one order, not {min(sizes)} and {max(sizes)}")
+        raise DesignError(f"vertex: expected vertices of the same order, not {min(sizes)} and {max(sizes)}")
     indices = minimal(np.array([m.entries for m in vertices]))
     corners = [vertices[k] for k in indices]
     mean = np.mean([m.entries for m in corners], axis=0)
@@ -477,7 +475,7 @@ def _plant(
         else:
             designs = [Model.from_entries(row, centre.order) for row in hull.vertices]
             labels = [f"vertex {k + 1} of the bounding polytope" for k in range(len(designs))]
-            note = f"{set_} bends out of its corners' hull by {100 * hull.outside:.2g} % of its size: "
+            note = f"{set_} reaches beyond its corners' hull by {100 * hull.outside:.2g} % of its size: "
             note += f"a bounding polytope of {len(designs)} vertices is used"
     return UncertainPlant(
         C=output,
@@ -502,7 +500,9 @@ def _relative_degree(nominal: Model, C: Real, tested: Sequence[tuple[str, Model]
     """
     degree = relative_degree(nominal, C)
     if not degree:
-        raise DesignError("vertex: expected an output that sees the input; at the nominal plant it doesn't")
+        raise DesignError(
+            "vertex: expected an output that depends on the input; at the nominal plant it does not"
+        )
     sign = math.copysign(1.0, markov(nominal.A, nominal.B, C, degree)[-1])
     for label, vertex in tested:
         effects = markov(vertex.A, vertex.B, C, vertex.order)

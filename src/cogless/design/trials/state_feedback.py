@@ -219,7 +219,7 @@ def weights(Q: Real, R: float, gamma: Real) -> None:
     if not np.all(np.isfinite(gamma)):
         raise DesignError(f"initial_state: expected {len(Q)} finite numbers")
     if not np.any(gamma):
-        raise DesignError("initial_state: expected one that isn't zero")
+        raise DesignError("initial_state: expected a state that is not zero")
 
 
 def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integral: bool) -> StateFeedback:
@@ -361,7 +361,7 @@ def _uncontrollable(label: str, mode: complex, integral: bool) -> str:
     at = f"{mode.real:.6g}" if abs(mode.imag) < 1e-9 else f"{mode.real:.6g}{mode.imag:+.6g}j"
     if integral and abs(mode - 1) < 1e-5:
         return (
-            f"vertex: expected a plant that integral action can control; at {label} the input can't move the "
+            f"vertex: expected a plant that integral action can control: at {label} the input can't move the "
             "mode at z = 1 (no gain at zero frequency)"
         )
     return f"vertex: expected a controllable plant; at {label} the input can't move the mode at z = {at}"

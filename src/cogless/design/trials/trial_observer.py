@@ -165,7 +165,7 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
         quiet = [gains for gains in candidates if input_by_steps(plant, gains) <= QUIET_SHARE * limit]
         best = fastest(quiet) or fastest(candidates[:1]) or best
     if best is None:
-        expected = "expected ranges that the observer's feedback holds as a whole"
+        expected = "expected ranges within which the observer's feedback is stable everywhere"
         raise DesignError(f"range: {expected}" + ("" if pole is None else f" with pole = {pole:g}"))
     return best
 

@@ -25,15 +25,16 @@ if TYPE_CHECKING:
 NO_GAIN = 5e-5  # largest K_3 below which the table says "none", because it would print zero
 
 LEGEND = (
-    "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
-    "input;\nfrom trial to trial: no frequency of the error grows by more than this, over vertices and "
+    "along the trial: the loop's largest pole; one more sample: the same with one more sample of delay "
+    "at the input;\nfrom trial to trial: no frequency of the error grows by more than this factor, over "
+    "vertices and "
     "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one;\n"
     "norm, power: of a whole trial's map of the learned signal, and the largest of its powers;\n"
-    "largest share: of any error without learning (with an observer, of any missing input), what a trial may "
-    "have at most;\n"
-    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner;\n"
+    "largest share: what a trial may have at most of any error without learning (with an observer, of any "
+    "missing input);\n"
+    "this scenario: what a phase has left at its end of the error without learning, at the worst corner;\n"
     "trials to the floor: of each phase, until the simulated plant's error is within a tenth of its floor;\n"
-    "floor: its final RMS, with what the sensor rounds;\n"
+    "floor: the error's final RMS, with the sensor's rounding;\n"
     "load noise, sensor noise: error that white noise causes, with learning / without, at the worst corner"
 )
 

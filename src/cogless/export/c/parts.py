@@ -62,7 +62,7 @@ HALL_DEFINITIONS = """static const cgl_hall_config hall_config = {
     .pole_pairs = ${pole_pairs}U, .edges = ${edges}U, .timer = ${timer}};
 static cgl_hall hall;
 ${states}
-/* The Hall sensors' part of the measurements. Which of the electrical revolutions it is they do not know. */
+/* The Hall sensors' part of the measurements. They do not tell which electrical revolution it is. */
 static void measure_motion(cgl_measurement *now)
 {
     cgl_hall_step(&hall, board_hall(), board_edge_time(), board_timer());

@@ -23,7 +23,7 @@ from cogless.study.position_sensor import Counted, Encoder, Hall
 def board(subject: Subject) -> dict[str, str]:
     """Texts that fill the templates' placeholders about the board."""
     hold = f"{1e3 * subject.drive_config['monitor']['hold']:.3g} ms"
-    comment = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
+    comment = "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands."
     if subject.law.name == "trial":
         comment = (
             "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks."
@@ -54,7 +54,9 @@ def _outputs(subject: Subject) -> dict[str, str]:
         }
     foc = subject.drive_config["foc"]
     short = (
-        f", up to psi_f / L_d = {foc['psi_f'] / foc['L_d']:.3g} A" if foc["L_d"] else ", up to psi_f / L_d"
+        f" with up to psi_f / L_d = {foc['psi_f'] / foc['L_d']:.3g} A"
+        if foc["L_d"]
+        else " with up to psi_f / L_d"
     )
     return {
         "board_act_declaration": "void board_set_duty(const cgl_real duty[3]); "
@@ -62,13 +64,13 @@ def _outputs(subject: Subject) -> dict[str, str]:
         "void board_set_gates(bool on); /* off: all switches open, no current is driven */",
         "out_words": "duty cycles",
         "board_act": "board_set_duty(out.duty);\n"
-        "    /* duty cycles of one half would short-circuit a motor that turns */\n"
+        "    /* duty cycles of one half would short-circuit a turning motor */\n"
         "    board_set_gates((out.status & ((unsigned)CGL_STATUS_OFF | (unsigned)CGL_STATUS_FAULT)) == 0U);",
         "what_it_runs": f"plausibility of the\nmeasurements, {law}, the current loop. Duty cycles come out, "
         "for the next PWM period.",
-        "safe_output": "the duty cycles are one half. Open the\nbridge then (gates off): they "
-        f"short-circuit a motor that turns{short}, and it brakes; a bridge that can't be opened needs\n"
-        "`.current_max` above twice that",
+        "safe_output": "all duty cycles are one half. These\nshort-circuit a turning motor, and the current "
+        f"brakes it{short}. So open the bridge then (gates off); a bridge that\ncan't be opened needs "
+        "`.current_max` above twice this current",
     }
 
 
@@ -125,7 +127,7 @@ def _maps(subject: Subject) -> str:
         return ""
     trial, (channels, cells) = subject.law.name == "trial", subject.map
     asset = files("cogless.export").joinpath("assets", "c", "maps.md")
-    rests = "Before it reference.learn = false, for a step of the law or more; afterwards true again."
+    rests = "Set reference.learn = false at least one step of the law before it, and true again afterwards."
     return Template(asset.read_text(encoding="utf-8")).substitute(
         name=subject.name,
         map_of=subject.law.map,

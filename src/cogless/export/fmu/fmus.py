@@ -233,7 +233,7 @@ def _drive_variables(run: Prepared, signals: list[tuple[str, str]]) -> list[Vari
     if not run.trials:
         description = "true: the reference is that of the inputs, not the scenario's"
         variables += [Variable(EXTERNAL_REFERENCE, "boolean", "parameter", description)]
-    variables += [real("input", "tau_load_added", "N*m", "load torque besides that of the scenario")]
+    variables += [real("input", "tau_load_added", "N*m", "load torque in addition to that of the scenario")]
     if bus_voltage is None:
         description = f"q-axis current; counts where {EXTERNAL_CONTROL} is true"
         variables += [real("input", "input.i_q_ref", "A", description)]
@@ -263,7 +263,9 @@ def _places(variables: list[Variable], last: int) -> str:
     return (
         "// Declarations of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"
         '#include "value.hpp"\n\n'
-        "cogless::Value description();\nstd::vector<double> taught();\n\n"
+        "cogless::Value description();\n\n"
+        "// The encoder table that the drive learned before; empty without one.\n"
+        "std::vector<double> taught();\n\n"
         "// Value references; 0 where there is no such variable.\n"
         f"{places(variables, REFERENCE_CONSTANTS | {'FMU_FIRST_SIGNAL': first_signal})}\n"
         f"constexpr std::int64_t FMU_LAST_TICK = {last};  // when the trials are over; 0 without trials\n"

@@ -95,9 +95,14 @@ def references(causality: Causality) -> list[Variable]:
     return [
         real(causality, "reference.theta_ref", "rad", "mechanical angle reference; laws of position read it"),
         real(causality, "reference.omega_ref", "rad/s", "mechanical speed reference"),
-        real(causality, "reference.alpha_ref", "rad/s^2", "its derivative; laws that learn in angle read it"),
+        real(
+            causality,
+            "reference.alpha_ref",
+            "rad/s^2",
+            "derivative of the speed reference; laws that learn in angle read it",
+        ),
         real(causality, "reference.i_d_ref", "A", "d-axis current reference"),
-        Variable("reference.learn", "boolean", causality, "false freezes what is learned", start=1.0),
+        Variable("reference.learn", "boolean", causality, "false: learning is frozen", start=1.0),
     ]
 
 

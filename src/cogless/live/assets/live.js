@@ -194,12 +194,12 @@
     field.addEventListener("change", () => {
       const leftOut = comma && !field.value.includes(".");
       comma = false;
-      if (leftOut) notes.set(key.key, `Expected a point for a comma. It stays at ${value(key)}.`);
+      if (leftOut) notes.set(key.key, `Expected a decimal point in place of the comma. The value stays at ${value(key)}.`);
       else if (Number.isFinite(field.valueAsNumber)) {
         begin();
         set(key, field.valueAsNumber);
         dragging = false;
-      } else notes.set(key.key, `Expected a number. It stays at ${value(key)}.`);
+      } else notes.set(key.key, `Expected a number. The value stays at ${value(key)}.`);
       refresh();
     });
     const note = make("p", row, "", "bounds");
@@ -375,7 +375,7 @@
         }
       } else head.append(c.learns ? "." : ", with nothing that learns.");
       const [from, to, long] = (c.learns && run.result.guarded[which]) || [0, 0, 0];
-      if (long >= page.moment) make("p", item, `The guard paused its learning, ${number(from)} to ${number(to)} s, to compare the ripple with that of the feedback alone: its ${words} is in part from that time.`, "fault");
+      if (long >= page.moment) make("p", item, `The guard paused its learning, ${number(from)} to ${number(to)} s, to compare the ripple with that of the feedback alone: its ${words} is in part from this time.`, "fault");
       const before = found(c.name, false, ghost);
       if (before && before !== run.result) make("p", item, `Before the change: ${number(before.values[which] / metric.factor)} ${unit}.`, "details");
     }

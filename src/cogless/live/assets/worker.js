@@ -19,7 +19,7 @@
       const engine = new Engine(module), piece = divider * Math.ceil(rate / divider);
       engine.open(description, divider, 0);
       for (let done = 0; !tables.has(name); done += piece) {
-        if (done >= ticks) throw new Error("the commissioning run is not done after three times its length: expected kp and ki that hold its speed");
+        if (done >= ticks) throw new Error("the calibration run is not done after three times its length: expected kp and ki that hold the run's speed");
         engine.advance(piece);
         const { rows, count, columns, names } = engine.take();
         if (!(rows[(count - 1) * columns + names.indexOf("status")] & busy)) tables.set(name, engine.stored());

@@ -167,7 +167,7 @@ class Microstepping(Base):
             "a motor of kind step": study.motor.phases != 2,
             "a current loop that is not ideal": drive.ideal,
             "drive.rates.speed_loop like current_loop": rates.divider != 1 or rates.position_loop is not None,
-            "the position sensor ideal, which only stands for the driver's coils": (
+            "an ideal position sensor, which only stands for the driver's coils": (
                 not isinstance(drive.position_sensor, IdealSensor)
             ),
             "no drive.bus": drive.bus is not None,

@@ -137,7 +137,7 @@ class NormOptimalIlc(TrialLaw):
     """Learning by a whole matrix from the error over a trial, optimal for the nominal plant."""
 
     NOT_ON_PAGE: ClassVar[str] = (
-        "its learning matrix, of a number for each two samples, is too large for a page"
+        "its learning matrix, with one number for each pair of samples, is too large for a page"
     )
 
     law: Literal["norm-optimal"]
@@ -247,7 +247,7 @@ class DesignSettings(Table):
             if start is not None and len(start) != size:
                 raise invalid(f"expected {size} numbers, as many as state_weight has", key)
         if not any(self.initial_state):
-            raise invalid("expected a number that isn't zero", "initial_state")
+            raise invalid("expected a number other than zero", "initial_state")
         Q = self.Q
         if not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
             raise invalid("expected a positive definite weight", "state_weight")

@@ -9,7 +9,7 @@ ${example_declarations}
 static ${name}_controller controller;
 ${motion_definitions}
 /* ${reference_comment}
- * Another context that changes it shuts the interrupt out meanwhile. */
+ * Code outside the interrupt that changes it must shut the interrupt out meanwhile. */
 static cgl_reference reference = {.learn = true};
 
 /* Once, before the interrupt is enabled. Where it returns false do not run the motor. */
