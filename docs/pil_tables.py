@@ -113,8 +113,8 @@ def scale(results: dict[str, Comparison]) -> str:
     """How long a period with `harmonic` takes beside one of moteus."""
     five, motors = (f"{results[name].with_law.mean / MOTEUS:.1f}" for name in (FIVE, MOTORS))
     return (
-        f"A period of moteus took {MOTEUS}. A period in which `harmonic` is due takes {five} times as many "
-        f"with five orders, and {motors} times with all that the motor of `uomodri` can have."
+        f"A period of the moteus firmware took {MOTEUS} instructions. A period in which `harmonic` runs "
+        f"takes {five} times as many with five orders, and {motors} times as many with all orders of `uomodri`."
     )
 
 

@@ -475,7 +475,10 @@ def test_a_certificate_in_one_line() -> None:
     assert replace(FINE, speeds=(snaps,)).words() == "not judged: at 10 rpm it snaps"
     some = replace(FINE, speeds=(snaps, FAST))
     assert "; not judged at 10 rpm it snaps; at 200 rpm orders to 4" in some.words() and not some.fine
-    assert replace(FINE, speeds=()).words() == "not judged: no reference turns order 6 by 0.001 rad a sample"
+    assert (
+        replace(FINE, speeds=()).words()
+        == "not judged: at all references order 6 turns by less than 0.001 rad a sample"
+    )
 
 
 def test_a_certificate_is_fine_if_all_orders_converge_and_settle_together() -> None:

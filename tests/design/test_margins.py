@@ -174,7 +174,10 @@ def test_a_certificate_in_one_line() -> None:
         "12 learn at 7 1/s, settle at any rate and converge with b 50 % off (Re Gamma 0.50 or more), "
         "orders to 6 with one more sample of delay, 2 held, 24 to 30; learns at up to 3000 rpm"
     )
-    assert certificate(speeds=()).words() == "not judged: no reference turns order 48 by 0.001 rad a sample"
+    assert (
+        certificate(speeds=()).words()
+        == "not judged: at all references order 48 turns by less than 0.001 rad a sample"
+    )
     one = (Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(24,), rate=2.0, most=None),)
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)

@@ -109,7 +109,8 @@ OnlyOption = Annotated[
 OutputOption = Annotated[
     Path | None,
     output_option(
-        "Directory of the results.", show_default="results/STUDY; for a file study.toml: results/ITS_FOLDER"
+        "Directory of the results.",
+        show_default="results/NAME, NAME of the study; for study.toml: of its folder",
     ),
 ]
 

@@ -180,9 +180,9 @@ def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
         beyond = np.flatnonzero((factors < least) | (factors > most))
         if len(beyond):
             order, factor = orders[beyond[0]], factors[beyond[0]]
-            at, emf = f"at {speed_text(study, speed.omega_m)}", "with the motor's back-EMF the rotor answers"
-            sure = f"convergence is sure from {least:g} to {most:g} times"
-            return f"{at}, {emf} order {order} {factor:.2g} times as much; {sure}"
+            emf = f"at {speed_text(study, speed.omega_m)} the motor's back-EMF changes the response to"
+            sure = f"convergence is sure from {least:g} to {most:g}"
+            return f"{emf} a current at order {order} by the factor {factor:.2g}; {sure}"
     return ""
 
 

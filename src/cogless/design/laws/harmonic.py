@@ -256,7 +256,8 @@ class Certificate:
         """The certificate in one line."""
         if not self.speeds:
             highest = self.learner.base * self.learner.orders
-            return f"not judged: no reference turns order {highest} by {ORDER_ANGLE_LEAST:g} rad a sample"
+            least = f"{ORDER_ANGLE_LEAST:g} rad a sample"
+            return f"not judged: at all references order {highest} turns by less than {least}"
         if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
         phrases = [speed.words() for speed in self.speeds]
