@@ -114,7 +114,8 @@ def scale(results: dict[str, Comparison]) -> str:
     five, motors = (f"{results[name].with_law.mean / MOTEUS:.1f}" for name in (FIVE, MOTORS))
     return (
         f"A period of the moteus firmware took {MOTEUS} instructions. A period in which `harmonic` runs "
-        f"takes {five} times as many with five orders, and {motors} times as many with all orders of `uomodri`."
+        f"takes {five} times as many with five orders, and {motors} times as many with all orders of "
+        "`uomodri`."
     )
 
 
