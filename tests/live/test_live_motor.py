@@ -106,7 +106,7 @@ def test_a_product_that_is_not_what_the_design_gives_is_told(own, off):
     for wrong in (others, [*others, replace(kp, start=off * kp.start)]):
         bent = replace(found.own_motor, products={**found.own_motor.products, place: wrong})
         with pytest.raises(
-            StudyError, match=r"which controller\.config\.kp does not: \S+ as a product, \S+ by the"
+            StudyError, match=r"controller\.config\.kp: expected a product .*: \S+ as a product, \S+ by the"
         ):
             own_motor._check(base, changes, bent)
 
