@@ -35,7 +35,6 @@ CLAUSES: dict[Kind, str] = {
     "may grow": "it may grow",
     "may be unstable": "it may be unstable",
 }
-UNSTABLE_WITH_BACK_EMF = "no, because its feedback is unstable with the motor's back-EMF"
 AnswerVerdict = Literal["yes", "no", "not worth it", "not sure", "not judged"]
 
 
@@ -114,10 +113,10 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
         return None
     if not law.learns:
         return Answer("no", "it learned before the run, and does not learn during the run")
+    if is_unstable_with_back_emf(study, name):
+        return Answer("no", "no, because its feedback is unstable with the motor's back-EMF")
     if design.certificate is not None:
         return _certified(study, name, design.certificate)
-    if is_unstable_with_back_emf(study, name):
-        return Answer("no", UNSTABLE_WITH_BACK_EMF)
     if verdict is None:
         return Answer("not judged", "not judged: it is a law of the study's own")
     if verdict.kind == "settles":
@@ -139,8 +138,6 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     speeds = certificate.speeds
     if not speeds or all(speed.snaps is not None for speed in speeds):
         return Answer("not judged", certificate.words())
-    if is_unstable_with_back_emf(study, name):
-        return Answer("no", UNSTABLE_WITH_BACK_EMF)
     if certificate.fine:
         times, lacks = settling(study, name, certificate), left_out(study, name)
         reach = _reach(study, certificate.fastest)
@@ -174,12 +171,11 @@ def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
     """Why the back-EMF takes the rotor out of what the certificate covers, as a clause; "" if it does not."""
     least, most = min(BELIEF_FACTORS), max(BELIEF_FACTORS)
     for speed in certificate.speeds:
-        base = certificate.learner.base
-        orders = np.setdiff1d(np.arange(base, speed.acting + 1, base), speed.held)
+        orders = certificate.learned_orders(speed)
         factors = response_factors(study, orders * speed.omega_m)
         beyond = np.flatnonzero((factors < least) | (factors > most))
         if len(beyond):
-            order, factor = orders[beyond[0]], factors[beyond[0]]
+            order, factor = int(orders[beyond[0]]), factors[beyond[0]]
             emf = f"at {speed_text(study, speed.omega_m)} the motor's back-EMF changes the response to"
             sure = f"convergence is sure from {least:g} to {most:g}"
             return f"{emf} a current at order {order} by the factor {factor:.2g}; {sure}"

@@ -31,7 +31,6 @@ from cogless.design.speed_loop import (
     PHASE_MARGIN_LEAST,
     CurrentLoop,
     faster_loop,
-    observed,
     speed_loop,
 )
 from cogless.study import Study
@@ -43,9 +42,8 @@ def margins_with_back_emf(study: Study, feedback: Linear) -> Margins:
 
     It is not behind an ideal current loop, nor with a soft shaft.
     """
-    loop = speed_loop(study)
-    current = loop.current
-    if not isinstance(current, CurrentLoop) or loop.shaft is not None or not current.margins().stable:
+    loop, current = speed_loop(study), _current_loop(study)
+    if current is None or not current.margins().stable:
         return position_margins(loop, feedback)
 
     def total(w: Real) -> Complex:
@@ -57,6 +55,12 @@ def margins_with_back_emf(study: Study, feedback: Linear) -> Margins:
     if not margins_of(total, loop.period, feedback.integrators).stable:
         return UNSTABLE
     return margins_of(effective, loop.period, feedback.integrators)
+
+
+def _current_loop(study: Study) -> CurrentLoop | None:
+    """The current loop that the back-EMF disturbs; None: it is ideal, or the shaft is soft."""
+    loop = speed_loop(study)
+    return loop.current if isinstance(loop.current, CurrentLoop) and loop.shaft is None else None
 
 
 def _back_emf(study: Study, current: CurrentLoop, w: Real) -> Complex:
@@ -73,37 +77,31 @@ def _back_emf(study: Study, current: CurrentLoop, w: Real) -> Complex:
 
 
 def _measured(study: Study, w: Real) -> Complex:
-    """Response from the true to the measured speed, without the angle's age, at w in rad/s."""
+    """Response from the true to the measured speed at w in rad/s; the age of the angle cancels out of it."""
     loop = speed_loop(study)
-    T, s = loop.current.period, 1j * w
-    if loop.bandwidth:
-        speed = observed(w, loop.bandwidth, T) / s
-    elif loop.window:
-        speed = -np.expm1(-s * loop.window * T) / (s * loop.window * T)
-    else:
-        speed = np.ones(np.shape(w), dtype=complex)
-    if loop.held:
-        speed = speed * np.exp(-s * T * (loop.steps - 1) / 2)
-    return np.asarray(speed / (1 + s / loop.low_pass) if loop.low_pass else speed)
+    speed, theta = loop.plant(w)
+    # The decoupling runs in each current-loop period, with a speed that may be held for all of the law's.
+    waiting = (loop.steps - 1) / 2 * loop.current.period if loop.held else 0.0
+    return np.asarray(speed / (1j * w * theta) * np.exp(-1j * w * waiting))
 
 
 def response_factors(study: Study, w: Real) -> Real:
     """How many times as much the rotor answers a current with the back-EMF as without, at w in rad/s."""
-    loop = speed_loop(study)
-    if not isinstance(loop.current, CurrentLoop) or loop.shaft is not None:
-        return np.ones(np.shape(w))
-    return np.asarray(1 / np.abs(1 + _back_emf(study, loop.current, w)))
+    current = _current_loop(study)
+    return (
+        np.ones(np.shape(w)) if current is None else np.asarray(1 / np.abs(1 + _back_emf(study, current, w)))
+    )
 
 
 def is_unstable_with_back_emf(study: Study, name: str) -> bool:
     """Whether the back-EMF makes a controller's loop unstable that is stable without it."""
-    plain, with_emf = _margins(study, name)
+    plain, with_emf = study.once(_margins, name)
     return plain >= 0 > with_emf
 
 
 def back_emf_warning(study: Study, name: str) -> Remark | None:
     """The warning of a controller whose loop has little margin left with the back-EMF."""
-    plain, with_emf = _margins(study, name)
+    plain, with_emf = study.once(_margins, name)
     if plain < PHASE_MARGIN_LEAST or with_emf >= PHASE_MARGIN_LEAST:
         return None
     margins = "is unstable" if with_emf < 0 else f"has {math.degrees(with_emf):.0f} deg of phase margin"
@@ -112,7 +110,7 @@ def back_emf_warning(study: Study, name: str) -> Remark | None:
         sentence += ", since the decoupling uses a speed that is late"
 
     def cured(other: Study) -> bool:
-        return _margins(other, name)[1] >= PHASE_MARGIN_LEAST
+        return other.once(_margins, name)[1] >= PHASE_MARGIN_LEAST
 
     cures = tuple(cure for tried in _ways(study) for cure in first(study, tried, cured))
     return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)

@@ -154,9 +154,9 @@ def _remaining(
     bends = certified.learner.bends if bent else 0
     shares = [held_share(sensor, int(order), base, speed.acting, bends) for order in n]
     missed = own.orders * np.sqrt(1 - np.minimum(shares, 1.0))
-    steps_learning, density = (0.0, 0.0)
+    steps_learning, density = 0.0, 0.0
     if not source.timed:
-        steps_learning, density = _learned_steps(loop, feedbacks[0], source, base, speed, own.ripple)
+        steps_learning, density = _learned_steps(loop, feedbacks[0], source, certified, speed, own.ripple)
     return Remaining(
         omega_m=omega,
         alone=min(alone.ripple for alone in (own, *others)),
@@ -172,14 +172,19 @@ def _remaining(
 
 
 def _learned_steps(
-    plant: SpeedLoop, feedback: Linear, source: Sampled, base: int, speed: Certified, ripple: float
+    plant: SpeedLoop,
+    feedback: Linear,
+    source: Sampled,
+    certified: Certificate,
+    speed: Certified,
+    ripple: float,
 ) -> tuple[float, float]:
     """Ripple that the sensor's steps make while the orders learn, rad/s rms, and the density of their noise.
 
     `ripple`: of the feedback alone, rad/s rms.
     """
-    omega, period = speed.omega_m, plant.period
-    n = np.setdiff1d(np.arange(base, speed.acting + 1, base), speed.held)
+    omega, period, base = speed.omega_m, plant.period, certified.learner.base
+    n = certified.learned_orders(speed)
     w = n * omega
     passed = (np.abs(responses(plant, feedback, w / TURN)[0]) * w**2 / plant.b) ** 2
     white = source.count**2 / 12 * 2 * period  # rad^2/Hz

@@ -247,6 +247,11 @@ class Certificate:
     fastest: float  # rad/s, up to which the lowest order is learned
     straight: float | None  # rad/s, up to which an eccentric sensor's error is learned; None: nowhere
 
+    def learned_orders(self, speed: Certified) -> Real:
+        """The orders that are learned at one of the speeds."""
+        base = self.learner.base
+        return np.setdiff1d(np.arange(base, speed.acting + 1, base), speed.held).astype(float)
+
     @property
     def fine(self) -> bool:
         """Whether all acting orders converge at all speeds."""

@@ -76,6 +76,7 @@ def contents(study: TrialStudy, planned: Plan, trace: Trace, trials: int, comman
     words = _template_words(study, planned, command) | {
         "trials": str(trials),
         "rows": _bit_pattern_lines(trace),
+        "bits": "uint64_t",
     }
     return sources.with_library(law_texts("linear", words), sources.closure(["trial.h"]))
 

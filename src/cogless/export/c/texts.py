@@ -175,8 +175,12 @@ def controller_texts(subject: Subject) -> dict[str, str]:
 
 
 def _filled(asset: str, words: Mapping[str, str]) -> str:
-    template = files("cogless.export").joinpath("assets", "c", asset).read_text(encoding="utf-8")
+    template = _asset(asset).replace("${bit_access}\n", _asset("bits.c"))
     return Template(template).substitute(words)
+
+
+def _asset(name: str) -> str:
+    return files("cogless.export").joinpath("assets", "c", name).read_text(encoding="utf-8")
 
 
 def study_words(study: AnyStudy, scenario: str, controller: str, command: str) -> dict[str, str]:

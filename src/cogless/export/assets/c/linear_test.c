@@ -14,26 +14,9 @@
  * first; initialise it again afterwards. */
 uint32_t ${name}_self_test(${name}_controller *controller);
 
-typedef union {
-    cgl_real real;
-    uint64_t bits;
-} word;
+${bit_access}
 
 static cgl_real references[${NAME}_SAMPLES]; /* of the trial that runs */
-
-static cgl_real real_of(uint64_t bits)
-{
-    word w;
-    w.bits = bits;
-    return w.real;
-}
-
-static uint64_t bits_of(cgl_real x)
-{
-    word w;
-    w.real = x;
-    return w.bits;
-}
 
 static void begin(${name}_controller *controller, uint32_t trial)
 {

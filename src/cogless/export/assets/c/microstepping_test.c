@@ -14,24 +14,7 @@
  * initialised first; initialise it again afterwards. */
 uint32_t ${name}_self_test(${name}_controller *controller);
 
-typedef union {
-    cgl_real real;
-    ${bits} bits;
-} word;
-
-static cgl_real real_of(${bits} bits)
-{
-    word w;
-    w.bits = bits;
-    return w.real;
-}
-
-static ${bits} bits_of(cgl_real x)
-{
-    word w;
-    w.real = x;
-    return w.bits;
-}
+${bit_access}
 
 static bool step_is_equal(${name}_controller *controller, const period *wanted)
 {
