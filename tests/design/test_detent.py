@@ -14,9 +14,10 @@ from cogless.design.detent import STOPPING_RIPPLE, overrun, swing, turns_from
 from cogless.design.law_rules import feedback_of
 from cogless.design.laws.harmonic import certificate
 from cogless.design.verdict import verdict
-from cogless.design.warnings import warnings
+from cogless.design.warnings import slow_warning, warnings
 from cogless.run.simulate import simulate
-from cogless.study import Study, load
+from cogless.study import Study, changed, load
+from drafts import request, written
 
 FOLDER = Path(__file__).parents[2] / "examples"
 LAWS = """
@@ -131,13 +132,51 @@ def test_in_both_limits_it_is_the_detent_against_energy_or_stiffness() -> None:
 
 
 def test_the_speed_from_which_it_turns_is_where_the_ripple_is_as_large_as_the_speed() -> None:
-    study = step_motor(5.0, 0.2)
+    fast = {"drive.current_loop.bandwidth": "2 kHz"}  # the back-EMF hardly matters
+    study = step_motor(5.0, 0.2, **fast)
     feedback = feedback_of(study, "pi")
     assert feedback is not None
     begins = turns_from(study, "turn", feedback, 5 * math.pi / 30)
-    assert begins is not None and 40 < begins * 30 / math.pi < 60
-    below, above = (step_motor(share * begins * 30 / math.pi, 0.2) for share in (0.8, 1.25))
+    assert begins is not None and 35 < begins * 30 / math.pi < 60
+    below, above = (step_motor(share * begins * 30 / math.pi, 0.2, **fast) for share in (0.8, 1.25))
     assert stopped(below, "turn") and not stopped(above, "turn")
+
+
+def draft_of_a_light_motor(folder: Path, drive: str, rpm: float, **more: Any) -> Study:
+    """A NEMA 17 without load. Its back-EMF acts like several times the rotor's inertia."""
+    _, study = written(folder, request("nema17", drive, "as5047", speed=60))
+    metrics = [f"metric.{k}.last" for k, one in enumerate(study.metric) if "last" in one.model_fields_set]
+    turning = {"scenario.slow.reference": f"{rpm} rpm", "scenario.slow.initial_speed": f"{rpm} rpm"}
+    return changed(study, {**turning, **dict.fromkeys(metrics, "5 s"), **more})
+
+
+def test_a_late_back_emf_stops_a_rotor_that_the_ripple_without_it_would_let_turn(tmp_path: Path) -> None:
+    """The decoupling is late, so the ripple is larger with it, and the larger decides."""
+    for rpm, stops in ((34, True), (35, True), (42, False), (46, False)):
+        study = draft_of_a_light_motor(tmp_path, "generic", rpm)
+        assert stopped(study, "slow") == stops, rpm
+        assert (foreseen(study, "slow") >= STOPPING_RIPPLE) == stops, rpm
+    remark = slow_warning(draft_of_a_light_motor(tmp_path, "generic", 30), "pi")
+    assert remark is not None and str(remark).endswith("the rotor stops and snaps; from 44 rpm on it turns")
+    cured = changed(draft_of_a_light_motor(tmp_path, "generic", 30), remark.cures[0])
+    assert not stopped(cured, "slow")
+
+
+def test_no_speed_is_promised_where_only_the_back_emf_of_a_turning_rotor_damps(tmp_path: Path) -> None:
+    """At 42 rpm the runs still stop, although both ripples are below the speed."""
+    slow = draft_of_a_light_motor(tmp_path, "simplefoc", 30)
+    omega = slow.scenario["slow"].top_reference
+    feedback = feedback_of(slow, "pi", omega)
+    assert feedback is not None
+    swinging = swing(slow, "slow", feedback, omega)
+    assert swinging is not None and swinging.least < 0.5 < 1.0 < swinging.size
+    assert turns_from(slow, "slow", feedback, omega) is None
+    remark = slow_warning(slow, "pi")
+    assert remark is not None and not remark.cures
+    assert "leaves 0.41 to 1.2 times the speed as ripple" in str(remark)
+    assert str(remark).endswith("the rotor may stop and snap")
+    assert stopped(slow, "slow")
+    assert stopped(draft_of_a_light_motor(tmp_path, "simplefoc", 42), "slow")
 
 
 @pytest.mark.parametrize("rpm", [0.5, 30.0])

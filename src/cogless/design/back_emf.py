@@ -30,6 +30,7 @@ from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of
 from cogless.design.speed_loop import (
     PHASE_MARGIN_LEAST,
     CurrentLoop,
+    SpeedLoop,
     faster_loop,
     speed_loop,
 )
@@ -83,6 +84,19 @@ def _measured(study: Study, w: Real) -> Complex:
     # The decoupling runs in each current-loop period, with a speed that may be held for all of the law's.
     waiting = (loop.steps - 1) / 2 * loop.current.period if loop.held else 0.0
     return np.asarray(speed / (1j * w * theta) * np.exp(-1j * w * waiting))
+
+
+def ripple_factors(study: Study, feedback: Linear, w: Real, loop: SpeedLoop | None = None) -> Real:
+    """How many times the ripple of a torque is as large with the back-EMF as without, at w in rad/s.
+
+    A torque makes a speed of P_t / (1 + L) without it, and of P_t / (1 + L + E) with it. `loop`: the study's
+    by default.
+    """
+    current = _current_loop(study)
+    if current is None:
+        return np.ones(np.shape(w))
+    returned = 1 + open_loop(loop or speed_loop(study), feedback, w)
+    return np.asarray(np.abs(returned / (returned + _back_emf(study, current, w))))
 
 
 def response_factors(study: Study, w: Real) -> Real:

@@ -13,6 +13,10 @@ that the detent has by its own stiffness n T. For one order and a PI with the cr
     n Omega far above w_c      (omega_s / (n Omega))^2 = 1      the energy is a quarter of a hill, 2 T / n
     n Omega far below w_c      n T / (K_t k_i) = 1              the integral is as stiff as a detent
 
+The back-EMF of a light rotor changes the ripple by the factor of back_emf.py. Where it damps the ripple of a
+rotor that turns, it does so only once the rotor turns: one that starts from rest may go on snapping. So the
+larger of the two ripples decides.
+
 docs/theory/detents.md has the grid of runs that this is compared with.
 """
 
@@ -23,16 +27,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cogless.design.back_emf import ripple_factors
+from cogless.design.changes import SPEED_RESERVE
 from cogless.design.closed_loop import Linear
 from cogless.design.ripple import orders, responses
 from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
-from cogless.study import Study
+from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 
 STOPPING_RIPPLE = 1.0  # ripple / speed, at which the rotor stops
 STALLING_RATIO = (
     0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 )
+CERTAIN_SHARE = SPEED_RESERVE**-2  # smaller / larger ripple; the ripple falls with the square of the speed
 TRIED_SPEED_STEP, SPEED_RANGE = (
     1.05,
     1e4,
@@ -43,10 +50,16 @@ TRIED_SPEED_STEP, SPEED_RANGE = (
 class Swing:
     """Ripple of the speed at a reference with the feedback alone, by the small-signal model."""
 
-    size: float  # sum of the amplitudes of all orders / speed
+    size: float  # sum of the amplitudes of all orders / speed, the larger with or without the back-EMF
+    least: float  # the smaller
     rms: float  # rms of all orders / speed
     order: int  # mechanical order with the largest amplitude
     rate: float  # rad/s: omega_s of that order
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the back-EMF changes the ripple too little to decide whether the rotor stops."""
+        return self.least >= CERTAIN_SHARE * self.size
 
     @property
     def stops(self) -> bool:
@@ -65,10 +78,18 @@ def swing(
     if not len(n) or not omega_m:
         return None
     loop, omega = loop or speed_loop(study, scenario), abs(omega_m)
-    sizes = np.abs(responses(loop, feedback, np.asarray(n * (omega / math.tau)))[0]) * d / omega
+    w = n * omega
+    plain = np.abs(responses(loop, feedback, w / math.tau)[0]) * d / omega
+    with_emf = plain * ripple_factors(for_scenario(study, scenario), feedback, w, loop)
+    smaller, sizes = sorted((plain, with_emf), key=np.sum)
     k = int(np.argmax(sizes))
-    rate = math.sqrt(int(n[k]) * loop.b * float(d[k]))
-    return Swing(float(np.sum(sizes)), math.sqrt(float(np.sum(sizes**2)) / 2), int(n[k]), rate)
+    return Swing(
+        size=float(np.sum(sizes)),
+        least=float(np.sum(smaller)),
+        rms=math.sqrt(float(np.sum(sizes**2)) / 2),
+        order=int(n[k]),
+        rate=math.sqrt(int(n[k]) * loop.b * float(d[k])),
+    )
 
 
 def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> str:
@@ -76,28 +97,30 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
 
     `crossover`: the feedback's crossover, rad/s.
     """
-    leaves = (
-        f"at {speed_text(study, omega_m)} the feedback leaves {swinging.size:.2g} times the speed as ripple"
-    )
+    sizes, stops = f"{swinging.size:.2g}", "stops and snaps"
+    if swinging.least < STOPPING_RIPPLE:  # the back-EMF decides
+        sizes, stops = f"{swinging.least:.2g} to {sizes}", "may stop and snap"
+    leaves = f"at {speed_text(study, omega_m)} the feedback leaves {sizes} times the speed as ripple"
     pulls = f"whose detents pull at {swinging.rate / math.tau:.3g} Hz"
     around = f" where the crossover is {crossover / math.tau:.3g} Hz" if math.isfinite(crossover) else ""
-    return f"{leaves}, most of it by order {swinging.order}, {pulls}{around}: the rotor stops and snaps"
+    return f"{leaves}, most of it by order {swinging.order}, {pulls}{around}: the rotor {stops}"
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
-    """The lowest speed above omega_m, rad/s, from which on the rotor turns evenly; None if it never does."""
+    """The lowest speed above omega_m, rad/s, from which on the rotor turns evenly.
+
+    None if it never does, or if the back-EMF makes it uncertain.
+    """
     speeds = abs(omega_m) * np.geomspace(
         1, SPEED_RANGE, 1 + round(math.log(SPEED_RANGE) / math.log(TRIED_SPEED_STEP))
     )
-    stops = [
-        swinging is not None and swinging.stops for swinging in _swings(study, scenario, feedback, speeds)
-    ]
-    last = max((k for k, stopped in enumerate(stops) if stopped), default=-1)
-    return float(speeds[last + 1]) if last + 1 < len(speeds) else None
-
-
-def _swings(study: Study, scenario: str, feedback: Linear, speeds: np.ndarray) -> list[Swing | None]:
-    return [swing(study, scenario, feedback, float(omega)) for omega in speeds]
+    swings = [swing(study, scenario, feedback, float(omega)) for omega in speeds]
+    stops = [k for k, swinging in enumerate(swings) if swinging is not None and swinging.stops]
+    first = stops[-1] + 1 if stops else 0
+    if first == len(speeds):
+        return None
+    turning = swings[first]
+    return float(speeds[first]) if turning is None or turning.is_certain else None
 
 
 def overrun(study: Study, law: str) -> list[tuple[int, float]]:
