@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drafts import request, written
 
 from cogless.design.detent import STOPPING_RIPPLE, overrun, swing, turns_from
 from cogless.design.law_rules import feedback_of
@@ -17,7 +18,6 @@ from cogless.design.verdict import verdict
 from cogless.design.warnings import slow_warning, warnings
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed, load
-from drafts import request, written
 
 FOLDER = Path(__file__).parents[2] / "examples"
 LAWS = """
