@@ -12,13 +12,12 @@ from cogless.live.live_page import _metric
 from cogless.report.order_charts import order_spectrum
 from cogless.report.speed_tracking import (
     LOST_SPEED_RATIO,
-    MEAN_ERROR_MOST,
     ONE_WAY,
     REST_ERROR_MOST,
     missed,
     rows_of,
 )
-from cogless.results.metrics import METRIC_FUNCTIONS, evaluate, result_name, window_of
+from cogless.results.metrics import MEAN_ERROR_MOST, METRIC_FUNCTIONS, evaluate, result_name, window_of
 from cogless.results.trace import Trace
 from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
 

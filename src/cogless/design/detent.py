@@ -78,7 +78,7 @@ def swing(
     if not len(n) or not omega_m:
         return None
     loop, omega = loop or speed_loop(study, scenario), abs(omega_m)
-    w = n * omega
+    w = np.asarray(n * omega, dtype=float)
     plain = np.abs(responses(loop, feedback, w / math.tau)[0]) * d / omega
     with_emf = plain * ripple_factors(for_scenario(study, scenario), feedback, w, loop)
     smaller, sizes = sorted((plain, with_emf), key=np.sum)
@@ -107,9 +107,9 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
-    """The lowest speed above omega_m, rad/s, from which on the rotor turns evenly.
+    """The lowest speed above omega_m, rad/s, from which on no ripple stops the rotor; None if one always does.
 
-    None if it never does, or if the back-EMF makes it uncertain.
+    It is certain that the rotor turns there if the swing at this speed is.
     """
     speeds = abs(omega_m) * np.geomspace(
         1, SPEED_RANGE, 1 + round(math.log(SPEED_RANGE) / math.log(TRIED_SPEED_STEP))
@@ -117,10 +117,7 @@ def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) ->
     swings = [swing(study, scenario, feedback, float(omega)) for omega in speeds]
     stops = [k for k, swinging in enumerate(swings) if swinging is not None and swinging.stops]
     first = stops[-1] + 1 if stops else 0
-    if first == len(speeds):
-        return None
-    turning = swings[first]
-    return float(speeds[first]) if turning is None or turning.is_certain else None
+    return float(speeds[first]) if first < len(speeds) else None
 
 
 def overrun(study: Study, law: str) -> list[tuple[int, float]]:

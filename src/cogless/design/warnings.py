@@ -21,7 +21,7 @@ from cogless.design.back_emf import back_emf_warning
 from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.current_needed import noisy_voltage, starts_after, too_much_current
-from cogless.design.detent import snaps, swing, turns_from
+from cogless.design.detent import Swing, snaps, swing, turns_from
 from cogless.design.gentler import (
     finer_sensor,
     slower_feedback,
@@ -76,21 +76,42 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     A law that begins with a learned map does not depend on its feedback alone, and gets no warning.
     """
     law, omega = study.controller[name], slowest_held_speed(study, scenario)
-    if (law.learned and not law.learns) or law.begins_with is not None:
+    stopping = _stopping(study, name, scenario)
+    if (law.learned and not law.learns) or law.begins_with is not None or stopping is None:
         return None
-    feedback = feedback_of(study, name, omega)
-    swinging = swing(study, scenario, feedback, omega) if feedback is not None and omega else None
-    if swinging is None or feedback is None or not swinging.stops:
-        return None
+    feedback, swinging = stopping
     sentence = snaps(
         study, swinging, omega, position_margins(speed_loop(study, scenario), feedback).crossover
     )
-    begins = turns_from(study, scenario, feedback, omega)
-    if begins is None:
+    begins = turning_speed(study, name, scenario)
+    turning = swing(study, scenario, feedback, begins / SPEED_RESERVE) if begins is not None else None
+    if begins is None or turning is None or not turning.is_certain:
         return Remark(sentence)
-    turns = f"{sentence}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
-    cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
+    turns = f"{sentence}; from {speed_text(study, begins, 2)} on it turns"
+    cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(begins, "rad/s")}
     return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
+
+
+def turning_speed(study: Study, name: str, scenario: str) -> float | None:
+    """The speed, rad/s, from which on the detents do not stop the rotor under a controller, with a reserve.
+
+    None if they do not at the scenario's slowest speed, or if they do at every speed.
+    """
+    stopping = _stopping(study, name, scenario)
+    if stopping is None:
+        return None
+    begins = turns_from(study, scenario, stopping[0], slowest_held_speed(study, scenario))
+    return None if begins is None else SPEED_RESERVE * begins
+
+
+def _stopping(study: Study, name: str, scenario: str) -> tuple[Linear, Swing] | None:
+    """The feedback and the swing that stops the rotor at a scenario's slowest speed; None if it turns."""
+    omega = slowest_held_speed(study, scenario)
+    feedback = feedback_of(study, name, omega)
+    if feedback is None or not omega:
+        return None
+    swinging = swing(study, scenario, feedback, omega)
+    return (feedback, swinging) if swinging is not None and swinging.stops else None
 
 
 @dataclass(frozen=True)

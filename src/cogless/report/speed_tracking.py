@@ -16,7 +16,7 @@ from cogless.report.markup import number, place, rms
 from cogless.report.verdicts import listed
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.metrics import window_of
+from cogless.results.metrics import MEAN_ERROR_MOST, mean_error, window_of
 from cogless.results.trace import Array
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
@@ -81,7 +81,6 @@ def spans(run: Run, bits: int, rows: slice = ALL_ROWS) -> list[tuple[float, floa
     return [(round(float(a), 6), round(float(b), 6)) for a, b in zip(from_, to, strict=True)]
 
 
-MEAN_ERROR_MOST = 0.05  # share of the reference's mean magnitude: beyond this the mean speed is off
 # error rms / reference rms; above this the speed does not follow a reference of zero mean
 LOST_SPEED_RATIO = 0.5
 REST_ERROR_MOST = 0.1  # rad/s, largest error rms if the reference is zero all the time
@@ -172,7 +171,7 @@ def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
         return "speed not finite"
     mean_reference, got, size = (float(np.mean(x)) for x in (reference, speed, np.abs(reference)))
     if abs(mean_reference) > ONE_WAY * size:
-        off = abs(got - mean_reference) > MEAN_ERROR_MOST * size
+        off = mean_error(reference, speed) > MEAN_ERROR_MOST
         mean_shown = got if abs(got) > 1e-3 * size else 0.0
         return f"mean {mean_shown:.4g} of {mean_reference:.4g} {unit}" if off else ""
     error, amplitude = float(rms(reference - speed)), float(rms(reference))

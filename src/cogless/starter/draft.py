@@ -17,8 +17,9 @@ from typing import Any, cast
 from pydantic import TypeAdapter, ValidationError
 
 from cogless import units
-from cogless.design.laws.harmonic import rival_bases
-from cogless.design.warnings import slow_warning
+from cogless.design import warnings
+from cogless.design.laws.harmonic import certificate, rival_bases
+from cogless.design.settling import settling
 from cogless.run.simulate import rollout
 from cogless.starter.amounts import amount, digits, exact_rate
 from cogless.starter.doubts import doubts
@@ -63,6 +64,7 @@ SPEED_RATE_MOST = 6000.0  # Hz, that leaves a processor time for a law that lear
 BANDWIDTH_SHARE = 1 / 25  # bandwidth over the rate of the current loop
 RUN_TURNS = 6  # of the rotor in a run
 SHORTEST_RUN, LONGEST_RUN = 6.0, 60.0  # s
+SETTLING_FACTOR = 2.0  # a run's settling time / the model's, at most
 LAST_SHARE = 1 / 3  # of the run, in which metrics are taken, at most
 LAST_LEAST = 2.0  # s, likewise, at least
 LAST_MARGIN = 1.05  # windows of orders are longer by it, so that a rotor that is a little slow turns once
@@ -105,13 +107,14 @@ class Fit:
 
     `steps`: integration steps of the plant in a period of the current loop. `observer`: keys of the sensor;
     {} where its edges are timed. `feedbacks`: gains in place of the rule's. `base`: of the law that learns,
-    and why.
+    and why. `settling`: the time in which it learns, s.
     """
 
     steps: int = 1
     observer: Mapping[str, str] = field(default_factory=dict)
     feedbacks: Feedbacks = field(default_factory=dict)
     base: tuple[int, str] | None = None
+    settling: float = 0.0
 
 
 def draft(request: Request, title: str, path: Path) -> Draft:
@@ -140,7 +143,12 @@ def _fitted(compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Dr
     fit = Fit(steps=_integration_steps(compose(Fit()), path))
     fit = replace(fit, observer=fit_observer(_study(compose_slowest(fit), path)))
     fit = replace(fit, feedbacks=slower_feedbacks(_study(compose_slowest(fit), path)))
-    return compose(replace(fit, base=better_base(_study(compose_slowest(fit), path))))
+    fit = replace(fit, base=better_base(_study(compose_slowest(fit), path)))
+    composed = compose(fit)
+    study = _study(composed, path)
+    times = settling(study, LEARNING_LAW, certificate(study, LEARNING_LAW))
+    slowest = max((at_speed.time for at_speed in times), default=0.0)
+    return compose(replace(fit, settling=slowest)) if slowest else composed
 
 
 def _integration_steps(composed: Draft, path: Path) -> int:
@@ -177,7 +185,7 @@ def slower_feedbacks(study: Study) -> Feedbacks:
     """Gains that the design advises where a sensor's edges come too rarely: controller -> kp and ki."""
     slower = {}
     for name in study.controller:
-        remark = slow_warning(study, name)
+        remark = warnings.slow_warning(study, name)
         for change in remark.cures if remark is not None else ():
             table = change.get(f"controller.{name}")
             gains = table if isinstance(table, dict) else _gains_in(change, name)
@@ -223,13 +231,7 @@ def _study(drafted: Draft, path: Path) -> Study:
 def turning_speed(study: Study) -> float | None:
     """The speed, r/min, from which on the rotor turns, if it snaps at the study's; None if it turns."""
     ((name, scenario),) = study.scenario.items()
-    speeds = [0.0]
-    for controller in study.controller:
-        remark = slow_warning(study, controller)
-        for change in remark.cures if remark is not None else ():
-            reference = change.get(f"scenario.{name}.reference")
-            if isinstance(reference, str):
-                speeds.append(units.parse(reference, units.ANGULAR_SPEED))
+    speeds = [warnings.turning_speed(study, controller, name) or 0.0 for controller in study.controller]
     faster = max(speeds) / units.factor("rpm", units.ANGULAR_SPEED)
     most = VOLTAGE_SHARE * voltage_reach(study) / units.factor("rpm", units.ANGULAR_SPEED)
     if max(speeds) <= scenario.top_reference or faster > most:
@@ -255,9 +257,10 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
         speed = faster, "the slowest at which the rotor does not snap from detent to detent"
     current_rate = _drive(sheet, request, motor, drive, voltage, fit.steps)
     put_sensor(sheet, request, sensor, drive, observer=fit.observer)
-    rows = _scenario(sheet, request, motor, speed, current_rate, voltage.typical)
+    duration = _duration(speed[0], fit.settling)
+    rows = _scenario(sheet, request, motor, speed, duration, current_rate, voltage.typical)
     _controllers(sheet, fit.feedbacks, fit.base)
-    _metrics(sheet, motor, speed[0], rows)
+    _metrics(sheet, motor, speed[0], duration, rows)
     return Draft(
         text=sheet.file_text(_head(title, request)),
         guesses=tuple(sheet.guesses),
@@ -497,12 +500,12 @@ def _scenario(
     request: Request,
     motor: MotorFacts,
     speed: tuple[float, str],
+    duration: float,
     current_rate: float,
     voltage: float,
 ) -> float:
     """Trace, and a scenario for each speed; returns the trace's rows a second."""
     rpm, reason = speed
-    duration = _duration(rpm)
     text = request.numbers["speed"].text if "speed" in request.numbers else f"{rpm:.6g} rpm"
     speeds = {rpm: text, **{_in_rpm(answer): answer.text for answer in request.faster}}
     section = sheet.section("[trace]")
@@ -523,9 +526,10 @@ def _in_rpm(answer: Answer) -> float:
     return answer.value / units.factor("rpm", units.ANGULAR_SPEED)
 
 
-def _duration(rpm: float) -> float:
-    turns = RUN_TURNS * 60 / rpm
-    return float(math.ceil(min(max(SHORTEST_RUN, turns), LONGEST_RUN)))
+def _duration(rpm: float, settling_time: float) -> float:
+    """A run's length, s: some turns, and long enough for the law to learn before metrics are taken."""
+    turns, learning = RUN_TURNS * 60 / rpm, SETTLING_FACTOR * settling_time + LAST_LEAST
+    return float(math.ceil(min(max(SHORTEST_RUN, turns, learning), LONGEST_RUN)))
 
 
 def _trace_rate(rate: int, duration: float, fastest: float) -> float:
@@ -556,8 +560,8 @@ def _controllers(sheet: Sheet, feedbacks: Feedbacks, base: tuple[int, str] | Non
         learner.put("base", *base)
 
 
-def _metrics(sheet: Sheet, motor: MotorFacts, rpm: float, rows: float) -> None:
-    duration, turn = _duration(rpm), 60 / rpm
+def _metrics(sheet: Sheet, motor: MotorFacts, rpm: float, duration: float, rows: float) -> None:
+    turn = 60 / rpm
     whole = turn * max(1, math.ceil(min(LAST_LEAST, duration * LAST_SHARE) / turn))
     last = whole if whole <= 0.5 * duration else duration * LAST_SHARE
     entries: list[tuple[str, str, str | None, str]] = [

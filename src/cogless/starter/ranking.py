@@ -18,13 +18,13 @@ from cogless.control_library import NOTICED, SAFE_OUTPUT
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
+from cogless.results.metrics import is_mean_off
 from cogless.run.simulate import RunError, rollout
 from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
 
 LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
-SPEED_ERROR_MOST = 0.05  # of the reference, that the mean speed of a held one may be off
-RIPPLE_SHARE_MOST = 0.5  # of the reference, likewise of the ripple's rms
+RIPPLE_SHARE_MOST = 0.5  # of the reference, that the ripple's rms of a held speed may be
 RUN_TICKS_MOST = 250_000  # a run has no more
 LAST_SHARE = 1 / 3  # of a run, in which the ripple is taken
 AT_ONCE = 8  # variants in a batch, between which progress is told
@@ -173,7 +173,7 @@ def _why(study: Study, run: Run, ripple: float, mean: float) -> str:
     if np.any(status & int(SAFE_OUTPUT)):
         causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
         return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
-    if not abs(mean - reference) <= SPEED_ERROR_MOST * reference:
+    if is_mean_off(*(run.trace.part(signal, late) for signal in ("omega_ref", "omega_m"))):
         return f"the mean speed is {100 * mean / reference:.3g} % of the reference"
     if not ripple <= RIPPLE_SHARE_MOST * reference:
         return "the rotor turns in jerks"
