@@ -107,7 +107,7 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
-    """The lowest speed above omega_m, rad/s, from which on no ripple stops the rotor; None if one always does.
+    """The lowest speed above omega_m, rad/s, from which on the ripple stops no rotor; None if it always does.
 
     It is certain that the rotor turns there if the swing at this speed is.
     """
