@@ -281,8 +281,8 @@ class Certificate:
 def _held_words(orders: tuple[int, ...]) -> str:
     if not orders:
         return ""
-    held = f"{len(orders)} from {orders[0]} to {orders[-1]}" if len(orders) > 1 else f"{orders[0]}"
-    return f", except {held},"
+    exceptions = f"{len(orders)} from {orders[0]} to {orders[-1]}" if len(orders) > 1 else f"{orders[0]}"
+    return f", except {exceptions},"
 
 
 def certificate(study: Study, name: str) -> Certificate:
