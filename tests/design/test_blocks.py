@@ -52,7 +52,7 @@ def words_of(study: Study, name: str, made: Design) -> str:
         (Verdict("settles", FADES), YES + REACH),
         (
             Verdict("settles", FADES, ratio=1.9),
-            f"{YES}, but leaves 1.9 times the speed ripple of its feedback{REACH}",
+            f"{YES}, but leaves 1.9 times the speed ripple of its feedback alone{REACH}",
         ),
         (
             Verdict("settles", FADES, doubts=(Remark("few counts"),)),
@@ -174,7 +174,8 @@ def test_the_answer_of_trials_that_are_certified() -> None:
     study = load("mandra2019")
     assert isinstance(study, TrialStudy)
     found = {block.heading: dict(block.rows) for block in trial_blocks(study, summary(study)).blocks}
-    counts, share = "at its floor after 3, 7, 3, 10 trials in its 4 phases", r"where at most 2\.07 % of "
+    counts = "the error is at its floor after 3, 7, 3, 10 trials in the scenario's 4 phases"
+    share = r"where at most 2\.07 % of "
     assert re.match(f"yes, certified; {counts}, {share}", found["ILC, Fig. 1"]["settles"])
     assert "settles" not in found["no learning"] and "K_3" not in found["no learning"]["gains"]
 
@@ -182,7 +183,7 @@ def test_the_answer_of_trials_that_are_certified() -> None:
 @pytest.mark.parametrize(
     ("changes", "answer"),
     [
-        ({}, r"no, because in this scenario the error may end at 1\.07 times that without learning$"),
+        ({}, r"no, because in this scenario learning may leave 1\.07 times the error without learning$"),
         (
             {"drive.current_loop.current_limit": "0.5 A"},
             r"no, because the motion needs an input of [\d.]+ at .+, and the limit is 0\.5$",

@@ -104,8 +104,8 @@ def test_a_loop_without_a_crossover_follows_nothing(tmp_path: Path, kp: float) -
     told = commissioning_warning(study, "t")
     assert told is not None and told.cures == ()
     assert str(told) == (
-        "its calibration run in low records nothing: the speed loop has no crossover, so it follows no "
-        "reference"
+        "its calibration run in low records nothing: the speed loop has no crossover, so the rotor "
+        "follows no reference"
     )
     with pytest.raises(
         StudyError,

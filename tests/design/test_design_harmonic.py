@@ -218,7 +218,7 @@ def test_the_certificate_tells_up_to_which_speed_an_eccentric_sensor_is_found():
     """At 72 waves a turn and 5 kHz 0.5105 rad a sample are 338 r/min."""
     made = certificate(study(), "harmonic")
     assert made.straight is not None and made.straight / RPM == pytest.approx(338.5, abs=0.1)
-    assert "an eccentric sensor's error at up to 338.5 rpm" in made.words()
+    assert "learns an eccentric sensor's error up to 338.5 rpm" in made.words()
     assert certificate(study(**{"controller.harmonic": BASE_2}), "harmonic").straight is None
 
 
@@ -235,8 +235,8 @@ def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
     assert (
-        "at 15 rpm orders to 432 learn at 4.34 1/s, settle at rates to 10.3 1/s and converge with b 50 % off "
-        "(Re Gamma 0.66" in made.words()
+        "at 15 rpm orders to 432 begin to learn at 4.34 1/s, settle together below 10.3 1/s and converge "
+        "with K_t/J 50 % off (Re Gamma 0.66" in made.words()
     )
     assert certificate(here, "harmonic").fine
     as_json = design_dict(made)
@@ -316,7 +316,7 @@ def test_orders_that_a_soft_shaft_turns_are_held():
     here = load("two-mass-axis", {"controller.harmonic": by_hand})
     made = certificate(here, "harmonic")
     (held,) = {each.held for each in made.speeds}
-    assert held[0] == 60 and held[-1] > 90 and made.fine and "holds orders from 58.7 to" in made.words()
+    assert held[0] == 60 and held[-1] > 90 and made.fine and "learns no order from 58.7 to" in made.words()
     short = {"scenario.motor-sensor.duration": "12 s", "metric": []}
     still = {**by_hand, "learning_start": "1e6 s"}
     left = []

@@ -110,7 +110,8 @@ def test_what_learning_leaves_is_foretold(speed: str, changes: Changes, harms: b
     measured = ripple(study, "s", "pi-ilc") / ripple(off, "s", "pi-ilc")
     # close to growing, what interpolation lags counts too
     assert measured > 1.25 if harms else measured == pytest.approx(found.ratio, rel=0.02)
-    line = f"controller.pi-ilc: settles, but leaves {found.ratio:.2g} times the speed ripple of its feedback"
+    leaves = f"{found.ratio:.2g} times the speed ripple of its feedback alone"
+    line = f"controller.pi-ilc: settles, but leaves {leaves}"
     assert (line in map(str, warnings(study, "s", "pi-ilc"))) == harms
 
 
@@ -131,7 +132,7 @@ def test_a_law_that_hands_its_integral_over_is_compared_with_the_feedback_that_h
     off = ripple(changed(study, {"controller.mine.learning": False}), "turn", "mine")
     assert off == pytest.approx(foreseen(loop, 16.0).without, rel=0.01)
     assert ripple(study, "turn", "mine") / off == pytest.approx(found.ratio, rel=0.05)
-    assert found.words() == "settles, but leaves 4.2 times the speed ripple of its feedback"
+    assert found.words() == "settles, but leaves 4.2 times the speed ripple of its feedback alone"
 
 
 @pytest.mark.parametrize(("rpm", "method", "told"), [(1, "MT", True), (10, "MT", False), (1, "M", True)])

@@ -190,7 +190,8 @@ STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
         (Verdict("settles", RISING, ratio=1.25), "settles"),
         (
             Verdict("settles", RISING, 6.2832, "slow", varies=True, ratio=1.3),
-            "settles, but leaves 1.3 times the speed ripple of its feedback at 6.28 rad/s in scenario slow",
+            "settles, but leaves 1.3 times the speed ripple of its feedback alone at 6.28 rad/s in "
+            "scenario slow",
         ),
         (Verdict("may grow", RISING, 6.2832), "may grow, 1.235x a period at 512 Hz"),
         (

@@ -254,7 +254,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
             place,
             "--drive-config",
             dump,
-        ): f"{place}: at its time the channel servo_stats is in none of the logs: expected one",
+        ): f"{place}: logs of channel servo_stats at the same time: none: expected one",
         (other,): f"{other}: its first lines fit no known drive: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
         (

@@ -506,7 +506,7 @@ def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
     lines = (tmp_path / "shard-1-of-2.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "shard-1-of-2.jsonl").write_bytes(b"".join(lines[:-1]))
     with pytest.raises(
-        StudyError, match="1 of 2 chunks: expected a finished shard; the same command goes on with it"
+        StudyError, match="1 of 2 chunks: expected a finished shard; its own command goes on with it"
     ):
         sweeping.merge(planned, tmp_path)
 
@@ -634,7 +634,7 @@ def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_study_without_metrics(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="metric: missing: expected one or more to compare"):
+    with pytest.raises(StudyError, match="metric: missing: expected one or more metrics to compare"):
         plan(tmp_path, changes={"metric": []})
 
 

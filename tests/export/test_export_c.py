@@ -683,7 +683,7 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
             (
                 "theta_e = 50 theta_m",
                 "from a towards b",
-                "There the sensor is ideal",
+                "measured as in the study, by an ideal sensor",
                 "measurements, the law, the current loop",
                 "CGL_MAP_STORED_LENGTH(3, 1024",
             ),

@@ -168,7 +168,7 @@ def test_the_command_exports_a_linear_plant_and_says_how_large_a_matrix_is(tmp_p
     source = (tmp_path / "matrix" / "matrix_controller.c").stat().st_size
     assert size == (
         f"Size: {whole / 1e6:.3g} MB of files, {source / 1e6:.3g} MB of them matrix_controller.c; "
-        "its learning matrix takes 0.32 MB of flash."
+        "the learning matrix takes 0.32 MB of flash."
     )
     assert export == f"Export: {tmp_path / 'matrix' / 'README.md'}"
 

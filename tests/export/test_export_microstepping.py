@@ -105,7 +105,7 @@ def test_the_self_test_has_a_turn_each_way_and_faults(tmp_path: Path) -> None:
         (
             "table",
             {"controller.table.correction": {"forward": [{"order": 4, "magnitude": "0.02 rad"}]}},
-            "the study does not say for which current it is. It fits only that one",
+            "for one current only, which the study does not state",
         ),
     ],
 )

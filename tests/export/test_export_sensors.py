@@ -124,8 +124,8 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], list[str], str]] = [
         {"kind": "ideal"},
         FILTERED,
         ["1256.637", "cgl_low_pass_init(&speed_filter, &filter_config, 6.666667e-05f)"],
-        "measured as in the study, since gains and `.speed_window` assume it. There the sensor "
-        f"is ideal{LOW_PASS}. So the gains allow for no delay of a real sensor",
+        f"measured as in the study, by an ideal sensor{LOW_PASS}. The gains and `.speed_window` assume this, "
+        "so the gains allow for no delay of a real sensor",
     ),
 ]
 

@@ -268,7 +268,7 @@ def test_a_macro_that_is_missing_is_told_by_the_compiler(tmp_path: Path) -> None
     (tmp_path / "it.h").write_text(header.safe_substitute(macro_checks=_left_out_check(macro)))
     run = ["cc", "-fsyntax-only", "-x", "c", "it.h"]
     said = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True).stderr
-    wanted = f'#error "files of the library are left out here: compile every file with {macro}"'
+    wanted = f'#error "this export leaves out files of the library: compile every file with {macro}"'
     assert wanted in said and said.index(wanted) < said.index("law_header")
     given = subprocess.run([*run, f"-D{macro}"], cwd=tmp_path, capture_output=True, text=True).stderr
     assert "#error" not in given

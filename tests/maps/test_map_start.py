@@ -134,7 +134,7 @@ def test_maps_as_lines() -> None:
     assert rows["current"] == "rms 0.25, peak 0.4, limit 3 A"
     plain = dict(stored_map.map_rows(two))
     assert "motion" not in plain and "rad of the units" not in plain
-    assert plain["period"] == "2 of a mechanical revolution, 720 deg"
+    assert plain["period"] == "2 mechanical revolutions, 720 deg"
     trial = dict(stored_map.map_rows(replace(one, turns=0, parts=0)))
     assert trial["period"] == "a trial" and trial["samples"] == "4"
     of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE_CODE, SINE_CODE, ORDER_CODE))

@@ -829,7 +829,7 @@ def test_spectra_say_who_turns_back_and_who_has_none_and_why(made, page):
     low = data_of(told)["scenarios"][0]
     assert [s["controller"] for s in low["spectra"][0]["series"]] == [0, 1]
     assert (
-        "The rotor turns back between 8 and 10 s. Only its longest way in one direction counts: "
+        "The rotor turns back between 8 and 10 s. Only the longest travel in one direction counts: "
         "PI re-tuned 1.50 of 1.75 revolutions."
     ) in spectra_part(told)
     assert (
@@ -890,9 +890,7 @@ def test_every_section_has_its_note(page):
     ]
     notes += [order_charts.TRACKING_NOTE, order_charts.WATERFALL_NOTE]
     assert [text for text in notes if escape(text) not in page] == []
-    assert (
-        "RMS of each term of the current reference late in low-speed; the varying part is about its" in page
-    )
+    assert "RMS of each term of the current reference late in low-speed. The varying part is" in page
 
 
 def test_settings_are_those_of_the_file(made):

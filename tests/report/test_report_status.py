@@ -112,7 +112,7 @@ def test_a_law_whose_own_feedback_did_not_run_is_not_said_to_do_harm(made):
     line = replace(plain, values={**plain.values, "pi-ilc": 2.12 * base})
     (told,) = (one for one in held_back(slower, [line]) if slower.label("pi-ilc") in one)
     beside = f"its ripple there is 2.12 times the speed ripple of {slower.label(slower.baseline)}"
-    assert told.endswith(f": {beside}, whose feedback is another") and "harm" not in told
+    assert told.endswith(f": {beside}, which has another feedback") and "harm" not in told
 
 
 def test_a_guard_before_the_window_or_for_a_moment_changes_nothing(made):

@@ -45,7 +45,7 @@ def table(
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("File for the table. Without -o nothing is written, only described.", "FILE", False),
+        output_option("File for the table. Without -o the table is only described.", "FILE", False),
     ] = None,
     from_: Annotated[
         str | None, typer.Option("--from", metavar="DRIVE", help="SOURCE is a table of this drive.")
@@ -85,7 +85,7 @@ def table(
         bool,
         typer.Option(
             "--encoder",
-            help="Write the table that corrects the drive's encoder in place of the cogging table.",
+            help="Write the table that corrects the drive's encoder, not the cogging table.",
         ),
     ] = False,
 ) -> None:
@@ -115,7 +115,9 @@ def table(
         }
         other = next((name for name, value in options.items() if value is not None), None)
         if other is not None:
-            raise StudyError(f"{other}: expected none with --to {to}: its table is over the electrical angle")
+            raise StudyError(
+                f"{other}: expected none with --to {to}, whose table is over the electrical angle"
+            )
         write_correction(adapter, source, current, output)
         return
     if current is not None:
@@ -125,7 +127,7 @@ def table(
         )
     if encoder:
         if from_ is not None or shift is not None or reverse or study is not None:
-            raise StudyError("--encoder: expected only SOURCE, --to and -o beside it")
+            raise StudyError("--encoder: expected only SOURCE, --to and -o beside --encoder")
         _write_encoder_table(source, adapter, output)
         return
     if adapter.write is None:

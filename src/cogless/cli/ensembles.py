@@ -43,7 +43,7 @@ def sweep(
     dask: DaskOption = None,
     shard: Annotated[
         str | None,
-        typer.Option("--shard", metavar="I/N", help="Run only this part of a job array: 3/20."),
+        typer.Option("--shard", metavar="I/N", help="Run only part I of N of a job array, such as 3/20."),
     ] = None,
     merge: Annotated[
         bool, typer.Option("--merge", help="Combine the finished shards that are in the output directory.")

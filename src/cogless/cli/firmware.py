@@ -34,7 +34,7 @@ def export(
     to: Annotated[str, typer.Option("--to", metavar="c|fmu", help="What to write.", show_default=False)],
     output: Annotated[
         Path,
-        output_option("Folder of the export; for c a new or empty one, or that of an earlier export."),
+        output_option("Folder of the export; with --to c: new, empty, or from an earlier export."),
     ],
     controller: ControllerOption = None,
     scenario: ScenarioOption = None,
@@ -42,11 +42,11 @@ def export(
 ) -> None:
     """Write a controller for firmware (c), or for other simulators (fmu).
 
-    c: its constants, the code, a self-test, an example. The self-test repeats the beginning of the scenario.
-    A study of a linear plant has no drive, nor has the law microstepping: their exports are the law alone.
+    c: constants of the controller, the code, a self-test, an example. The self-test repeats the beginning of
+    the scenario. With a linear plant, or with the law microstepping, the export is the law without a drive.
 
-    fmu: the controller, and the drive in the scenario as its plant, each for FMI 2.0 and 3.0 (co-simulation),
-    built by your C and C++ compilers (CC and CXX).
+    fmu: one FMU of the controller, and one of the whole drive in the scenario, with the controller inside.
+    Each is for FMI 2.0 and 3.0 (co-simulation). Your C and C++ compilers (CC and CXX) build it.
     """
     from cogless.export.prepared import first_scenario
 
@@ -100,7 +100,10 @@ def pil(
     compiler: Annotated[
         str | None,
         typer.Option(
-            "--compiler", metavar="gcc|zig", help="Cross compiler to use.", show_default="gcc if it is there"
+            "--compiler",
+            metavar="gcc|zig",
+            help="Cross compiler to use.",
+            show_default="gcc if installed, else zig",
         ),
     ] = None,
     changes: SetOption = None,
@@ -136,7 +139,7 @@ def pil(
 
 def map_(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A stored map, or a dump of flash with some in it.")
+        Path, typer.Argument(metavar="FILE", help="A stored map, or a dump of flash that has some.")
     ],
     csv: Annotated[
         Path | None,
@@ -160,7 +163,7 @@ def map_(
         ),
     ] = None,
 ) -> None:
-    """Show learned maps as firmware stores them: whose they are, what is in them, or why they are not valid.
+    """Show learned maps as firmware stores them: of which motor, with what, or why they are not valid.
 
     The newest map is the one that firmware would load. Exit 2 if none is valid.
     """

@@ -69,7 +69,7 @@ def identify(
 ) -> None:
     """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
 
-    From logs of an accelerometer on a printer's axis it finds the correction of the axis's step motor.
+    From logs of an accelerometer on a printer's axis, find the correction of the axis's step motor.
 
     Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
     tell is left out, with a sentence on what to record.
@@ -232,13 +232,13 @@ def diagnose(
     ],
     output: Annotated[
         Path | None,
-        output_option("Write diagnosis.json and report.html there."),
+        output_option("Directory for diagnosis.json and report.html."),
     ] = None,
 ) -> None:
     """Say where the ripple in a drive's logs comes from.
 
-    For each order: the shares of cogging, K_t ripple, dead time, the currents' offset and gain, the encoder
-    and mechanics at each log's speed and load, and how sure they are.
+    For each order, at each log's speed and load: the shares of cogging, K_t ripple, dead time, the currents'
+    offset and gain, the encoder and mechanics. Also how sure each share is.
     """
     from cogless.identify import diagnosis
 

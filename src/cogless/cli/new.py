@@ -133,10 +133,10 @@ def new(
 ) -> None:
     """Write a first study of your motor, and say which of its guesses matter most.
 
-    Give the numbers you know, with a unit or in the unit below. On a terminal it asks for the most important
-    of the others.
+    Give the numbers you know, with a unit or in the unit below. On a terminal, cogless asks for the most
+    important ones that you left out.
 
-    It guesses the rest. The file marks each guess with its range and its reason.
+    All other numbers are guesses. The file marks each guess with its range and its reason.
     """
     options = locals()  # the arguments above, by name
     from cogless.starter.request import NUMBERS

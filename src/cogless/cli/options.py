@@ -61,7 +61,12 @@ SetOption = Annotated[
 JobsOption = Annotated[
     int,
     typer.Option(
-        "--jobs", "-j", min=1, help="Number of runs at the same time.", show_default="one a core", metavar="N"
+        "--jobs",
+        "-j",
+        min=1,
+        help="Number of runs at the same time.",
+        show_default="one per core",
+        metavar="N",
     ),
 ]
 
@@ -81,7 +86,7 @@ ScenarioOption = Annotated[
     typer.Option(
         "--scenario",
         metavar="NAME",
-        help="The scenario it runs in.",
+        help="The scenario in which the controller runs.",
         autocompletion=complete_scenario,
         show_default="the first scenario that has the controller",
     ),
@@ -101,7 +106,7 @@ OnlyOption = Annotated[
     typer.Option(
         "--only",
         metavar="SCENARIO/CONTROLLER",
-        help="Run only these; * stands for any text, ? for one character. Repeatable.",
+        help="Run only these pairs; * stands for any text, ? for one character. Repeatable.",
         autocompletion=complete_run,
     ),
 ]
@@ -110,7 +115,7 @@ OutputOption = Annotated[
     Path | None,
     output_option(
         "Directory of the results.",
-        show_default="results/NAME, NAME of the study; for study.toml: of its folder",
+        show_default="results/NAME, the study's name; for study.toml its folder's",
     ),
 ]
 

@@ -232,7 +232,7 @@ def design(
     For a study of speed: the gains (given or from a tuning rule), the loop's margins, and whether learning
     settles.
 
-    For a study of trials: the gains (given or from LMIs), and the certificate that they work.
+    For a study of trials: the gains (given or computed), and the certificate that learning works.
     """
     from cogless.design.kinds import DESIGNS
 

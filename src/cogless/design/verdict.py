@@ -174,7 +174,8 @@ class Verdict:
             sentence = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
             return sentence + (", where K_t is largest" if self.kind == "may be unstable" else "")
         if self.kind == "settles" and self.ratio > HARMFUL_RATIO:
-            return f"settles, but leaves {self.ratio:.2g} times the speed ripple of its feedback{self.where}"
+            leaves = f"{self.ratio:.2g} times the speed ripple of its feedback alone"
+            return f"settles, but leaves {leaves}{self.where}"
         if self.kind == "not judged":
             return f"not judged: {self._doubts}"
         if self.worst is None or self.kind in ("settles", "rests"):

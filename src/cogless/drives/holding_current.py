@@ -181,5 +181,5 @@ def from_stored_map(path: Path) -> HoldingCurrent:
     stored = newest.map
     if stored.units != (CURRENT_CODE,) or stored.turns != stored.parts or not stored.turns:
         kind = " and ".join(stored.unit(c)[0] for c in range(stored.channels))
-        raise StudyError(f"{path}: a map of {kind}: expected one of a current over a mechanical revolution")
+        raise StudyError(f"{path}: a map of {kind}: expected a map of a current over a mechanical revolution")
     return from_samples(np.asarray(stored.values[0], np.float64), 0.0, str(path))

@@ -49,14 +49,14 @@ def write_ax8000(current: HoldingCurrent, frame: TableFrame) -> TableText:
     """The ten largest orders, as object 0x32CB takes them."""
     if not current.K_t:
         raise StudyError(
-            f"{current.source}: no K_t: AX8000 takes torques: expected a folder of cogless identify"
+            f"{current.source}: no K_t: AX8000 takes torques: expected a folder of cogless identify, with K_t"
         )
     waves = np.array(current.waves if frame.direction > 0 else np.conj(current.waves))
     able = [order for order in current.orders if order <= AX8000_ORDER_MOST]
     chosen = sorted(sorted(able, key=lambda order: -abs(waves[order]))[:AX8000_WAVES])
     if not chosen:
         raise StudyError(
-            f"{current.source}: no order up to {AX8000_ORDER_MOST}: expected one that AX8000 holds"
+            f"{current.source}: no order up to {AX8000_ORDER_MOST}, the highest of AX8000: expected one"
         )
     torques = {order: float(np.float32(current.K_t * abs(waves[order]))) for order in chosen}
     phases = {order: float(np.float32(np.degrees(np.angle(waves[order])) % 360)) for order in chosen}

@@ -64,7 +64,7 @@ def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, N
     rate = 1 / float(np.median(steps))
     if rate < RATE_LEAST:
         raise StudyError(
-            f"{path}: {rate:.0f} samples a second: expected {RATE_LEAST:.0f} or more; set rate of the sensor"
+            f"{path}: {rate:.0f} samples a second: expected {RATE_LEAST:.0f} or more; raise the sensor's rate"
         )
     if np.max(steps) > GAP_MOST / rate:
         k = int(np.argmax(steps))

@@ -109,7 +109,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         )
     directions = {frame.direction for frame in frames if frame.zero}
     if len(directions) > 1:
-        raise StudyError(f"{paths[0]}: the encoder counts forward in some logs and backward in others")
+        expected = "expected logs made with one configuration of the drive"
+        raise StudyError(f"{paths[0]}: the encoder counts backward in some logs only: {expected}")
     without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
     if without is not None and directions:
         raise StudyError(
@@ -176,10 +177,10 @@ def _partner(path: Path, position: LogColumns, stats: Mapping[Path, LogColumns])
     named = Path(str(path).replace(POSITION_CHANNEL, STATS_CHANNEL))
     if named in overlapping or len(overlapping) == 1:
         return named if named in overlapping else overlapping[0]
-    those = ", ".join(other.name for other in overlapping) or "none of the logs"
+    those = ", ".join(other.name for other in overlapping) or "none"
     raise StudyError(
-        f"{path}: at its time the channel {STATS_CHANNEL} is in {those}: expected one such log, or two "
-        f"file names that differ only in {POSITION_CHANNEL} and {STATS_CHANNEL}"
+        f"{path}: logs of channel {STATS_CHANNEL} at the same time: {those}: expected one, or two file names "
+        f"that differ only in {POSITION_CHANNEL} and {STATS_CHANNEL}"
     )
 
 
@@ -275,7 +276,8 @@ def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
         stats = _whole(rows.get((controller, STATS_CHANNEL), {}))
         if not {"position", "q_A"} <= stats.keys():
             raise StudyError(
-                f"{path}: controller {printable(controller)}: no channel {STATS_CHANNEL}: expected it"
+                f"{path}: controller {printable(controller)}: no channel {STATS_CHANNEL} with position and "
+                "q_A: expected this channel"
             )
         name = path.name if len(controllers) == 1 else f"{path.name}-{printable(controller)}"
         t = stats["timestamp"] - stats["timestamp"][:1]
@@ -408,7 +410,7 @@ def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
     if not text.lstrip().startswith("{"):
         dump = read_dump(path)
         if not np.any(dump.table):
-            raise StudyError(f"{path}: motor.cogging_dq_comp: all zero or missing: expected a table")
+            raise StudyError(f"{path}: motor.cogging_dq_comp: all zero or missing: expected a stored table")
         return from_samples(dump.table, 0.0, str(path), "linear")
     try:
         contents = json.loads(text)

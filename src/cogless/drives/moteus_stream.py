@@ -91,8 +91,8 @@ def _records(path: Path, count: int) -> Array:
     length, place = best
     if not length:
         raise StudyError(
-            f"{path}: no records of {size} bytes: expected a stream recorded with the "
-            "servo.emit_debug of the dump"
+            f"{path}: no records of {size} bytes, as servo.emit_debug in the --drive-config file makes them: "
+            "expected a stream recorded with this value"
         )
     rows = data[place : place + length * size].reshape(length, size)[:, 1:]
     return np.asarray(np.ascontiguousarray(rows).view("<i2").reshape(length, count), dtype=np.float64)

@@ -285,14 +285,16 @@ def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
     Value i was measured at i / 3600 of a turn, from one side only: half the friction is in its mean.
     """
     if configuration is None:
-        raise StudyError(f"{path}: a map of torques: expected --drive-config FILE with its torque_constant")
+        raise StudyError(
+            f"{path}: a map of torques: expected --drive-config FILE with motor.config.torque_constant"
+        )
     settings = read_configuration(configuration, "0")
     K_t = settings.number(["motor.config.torque_constant"], "a torque constant above zero, N m/A")
     text = text_of(path, f"{MAP_CELLS} values of get_anticogging_value")
     try:
         values = np.array(json.loads(text) if text.lstrip().startswith("[") else text.split(), np.float64)
     except (TypeError, ValueError):
-        raise StudyError(f"{path}: expected {MAP_CELLS} numbers, a JSON list or one a line") from None
+        raise StudyError(f"{path}: expected {MAP_CELLS} numbers, as a JSON list or one per line") from None
     if values.shape != (MAP_CELLS,) or not np.all(np.isfinite(values)):
         raise StudyError(f"{path}: {values.size} numbers: expected {MAP_CELLS} finite ones")
     return from_samples(values / K_t, K_t, str(path))

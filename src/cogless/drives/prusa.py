@@ -191,7 +191,7 @@ def _checked_share(correction: Correction) -> tuple[float, float]:
         orders = correction.orders(direction)
         if max(orders) >= TABLE_ORDERS:
             raise StudyError(
-                f"order {max(orders)}: expected orders below {TABLE_ORDERS}, which the firmware has"
+                f"order {max(orders)}: expected orders below {TABLE_ORDERS}, the only ones of the firmware"
             )
         shift = phase_shift(orders, u)
         most = float(np.max(np.abs(shift)))

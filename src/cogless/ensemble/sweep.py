@@ -266,7 +266,7 @@ def plan(study: AnyStudy, count: int, only: Sequence[str] | None = None) -> Plan
     """Plan a sweep of `count` variants. StudyError: no [vary], a mistake in it, no such run, no metric."""
     pairs = runs_of(study, only)
     if not columns(study):
-        raise StudyError(f"{study.source.path}: metric: missing: expected one or more to compare")
+        raise StudyError(f"{study.source.path}: metric: missing: expected one or more metrics to compare")
     ensemble = draw(study, count)
     identity = {
         "study": pack(study).digest[:16],
@@ -326,7 +326,7 @@ def merge(planned: Plan, folder: Path) -> Sweep:
         expected_chunks = planned.part(shard)
         if not set(expected_chunks) <= set(chunks):
             has = f"{len(chunks)} of {len(expected_chunks)} chunks"
-            raise StudyError(f"{path}: {has}: expected a finished shard; the same command goes on with it")
+            raise StudyError(f"{path}: {has}: expected a finished shard; its own command goes on with it")
         finished |= chunks
     return _gathered(planned, finished)
 

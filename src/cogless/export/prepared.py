@@ -156,8 +156,8 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     prepared = prepare(study, scenario, controller)
     if prepared.has_bus:
         raise StudyError(
-            f"{study.source.path}: drive.bus: the law runs elsewhere: expected no bus, to export law and "
-            "drive as one"
+            f"{study.source.path}: drive.bus: the law runs beyond the bus: expected no bus, to export law "
+            "and drive as one"
         )
     return prepared
 
@@ -171,7 +171,9 @@ def first_scenario(study: AnyStudy, controller: str, scenario: str | None = None
     runs_in = study.scenarios_of(controller)
     if scenario is None:
         if not runs_in:
-            raise StudyError(f"{path}: controller.{controller}: runs in no scenario: expected one with it")
+            raise StudyError(
+                f"{path}: controller.{controller}: runs in no scenario: expected one that has it"
+            )
         return runs_in[0]
     if scenario not in runs_in:
         expected = (

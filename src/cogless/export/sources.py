@@ -123,7 +123,7 @@ def size(files: Mapping[str, bytes], matrix: int) -> str:
     whole, largest = sum(map(len, files.values())), max(files, key=lambda name: len(files[name]))
     return (
         f"{whole / 1e6:.3g} MB of files, {len(files[largest]) / 1e6:.3g} MB of them {largest}; "
-        f"its learning matrix takes {matrix / 1e6:.3g} MB of flash"
+        f"the learning matrix takes {matrix / 1e6:.3g} MB of flash"
     )
 
 

@@ -318,7 +318,8 @@ def _period(stored: StoredMap) -> str:
     revolutions = Fraction(stored.turns, stored.parts)
     if revolutions == 1:
         return "a mechanical revolution"
-    return f"{revolutions} of a mechanical revolution, {360 * float(revolutions):.6g} deg"
+    unit = "mechanical revolutions" if revolutions > 1 else "of a mechanical revolution"
+    return f"{revolutions} {unit}, {360 * float(revolutions):.6g} deg"
 
 
 def to_csv(stored: StoredMap) -> str:

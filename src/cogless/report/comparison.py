@@ -339,7 +339,7 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
         return ""
     much = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
     if own is None:
-        return f"its ripple there is {much}, whose feedback is another"
+        return f"its ripple there is {much}, which has another feedback"
     why = DESIGNS[study.kind].likely_harm(study, controller)
     return f"learning does harm here, {much}{f' ({why})' if why else ''}"
 

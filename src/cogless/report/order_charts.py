@@ -90,7 +90,8 @@ def turned_back(results: Results, runs: Sequence[Run]) -> str:
                 ways.append(f"{results.study.label(run.controller)} {_way_in_words(theta)}")
     if not ways:
         return ""
-    return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(ways)}."
+    longest = f"Only the longest travel in one direction counts: {'; '.join(ways)}"
+    return f"The rotor turns back {when}. {longest}."
 
 
 def left_out(results: Results, run: Run) -> str:

@@ -441,8 +441,8 @@ def _delay(c: Case) -> str:
     frail = [name for name, model in models.items() if model.stable and not model.delayed_stable]
     if not frail:
         return ""
-    whose = "no loop is" if len(frail) == len(models) > 1 else f"the loop of {c.labels(frail)} is not"
-    return f"With one more sample of delay at the input {whose} stable at every corner."
+    loop = "every loop" if len(frail) == len(models) > 1 else f"the loop of {c.labels(frail)}"
+    return f"One more sample of delay at the input makes {loop} unstable at some corner."
 
 
 def _capital(c: Case, text: str) -> str:

@@ -118,7 +118,7 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if swings:
         return f"is unstable, at {swings.frequency:.3g} Hz"
     if math.isnan(position_margins(loop, Linear(ratio=1, k=kp, k_i=ki)).crossover):
-        return "records nothing: the speed loop has no crossover, so it follows no reference"
+        return "records nothing: the speed loop has no crossover, so the rotor follows no reference"
     swinging = swing(study, scenario, feedback, speed)
     if swinging is not None and swinging.stops:
         return f"records nothing: {snaps(study, swinging, speed, position_margins(loop, feedback).crossover)}"

@@ -227,13 +227,15 @@ class Certified:
             several = self.slow[0] < self.slow[1]
             of = f"s {self.slow[0]} to {self.slow[1]} are" if several else f" {self.slow[0]} is"
             slow = f", order{of} too slow to be judged"
-        swings = f" (uncertain: the feedback alone lets the speed swing by {100 * self.swing:.0f} % rms)"
+        swings = f" (uncertain: with the feedback alone the speed's ripple is {100 * self.swing:.0f} % rms)"
+        late = f"orders to {self.late} converge even" if self.late else "the lowest order may not converge"
         return (
-            f"at {self.omega_m / RPM:.4g} rpm orders to {self.acting} learn at {self.rate:.3g} 1/s, "
-            f"settle at {'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
-            f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
-            f"(Re Gamma {self.gamma:.2f} or more), orders to {self.late} with one more sample of delay"
-            f"{_held_words(self.held)}{slow}{swings if self.swing > STALLING_RATIO else ''}"
+            f"at {self.omega_m / RPM:.4g} rpm orders to {self.acting}{_held_words(self.held)} begin to learn "
+            f"at {self.rate:.3g} 1/s, settle together "
+            f"{'at any rate' if self.most is None else f'below {self.most:.3g} 1/s'} and "
+            f"{'converge' if self.gamma > 0 else 'may not all converge'} with K_t/J 50 % off "
+            f"(Re Gamma {self.gamma:.2f} or more, expected above 0), {late} with one sample of unknown delay"
+            f"{slow}{swings if self.swing > STALLING_RATIO else ''}"
         )
 
 
@@ -262,24 +264,25 @@ class Certificate:
         if not self.speeds:
             highest = self.learner.base * self.learner.orders
             least = f"{ORDER_ANGLE_LEAST:g} rad a sample"
-            return f"not judged: at all references order {highest} turns by less than {least}"
+            return f"not judged: all references are too slow: even order {highest} turns by less than {least}"
         if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
         phrases = [speed.words() for speed in self.speeds]
-        ends = [f"learns at up to {self.fastest / RPM:.4g} rpm"]
+        ends = [f"learns up to {self.fastest / RPM:.4g} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
-            ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
+            ends = [f"learns no order from {' or from '.join(bands)} Hz", *ends]
         if self.straight is not None:
-            ends += [f"an eccentric sensor's error at up to {self.straight / RPM:.4g} rpm"]
-        return "; ".join([self.learner.order_words, *phrases, *ends])
+            ends += [f"learns an eccentric sensor's error up to {self.straight / RPM:.4g} rpm"]
+        return "; ".join([f"learns {self.learner.order_words}", *phrases, *ends])
 
 
 def _held_words(orders: tuple[int, ...]) -> str:
     if not orders:
         return ""
-    return f", {len(orders)} held, {orders[0]} to {orders[-1]}" if len(orders) > 1 else f", {orders[0]} held"
+    exceptions = f"{len(orders)} from {orders[0]} to {orders[-1]}" if len(orders) > 1 else f"{orders[0]}"
+    return f", except {exceptions},"
 
 
 def certificate(study: Study, name: str) -> Certificate:

@@ -45,9 +45,9 @@ def _settles(design: TrialDesign) -> str:
         return answer
     counts = prediction.trials_to_floor
     trials = ", ".join(f"more than {PHASE_TRIALS}" if count is None else f"{count}" for count in counts)
-    phases = f" in its {len(counts)} phases" if len(counts) > 1 else ""
+    phases = f" in the scenario's {len(counts)} phases" if len(counts) > 1 else ""
     floor = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
-    return f"{answer}; at its floor after {trials} trials{phases}, where {floor}"
+    return f"{answer}; the error is at its floor after {trials} trials{phases}, where {floor}"
 
 
 def why_not(design: TrialDesign) -> str | None:
@@ -68,7 +68,7 @@ def why_not(design: TrialDesign) -> str | None:
     if design.over_limit is not None:
         plant, most = design.over_limit
         return f"the motion needs an input of {most:.4g} at {plant}, and the limit is {design.limit:.4g}"
-    return f"in this scenario the error may end at {prediction.share:.3g} times that without learning"
+    return f"in this scenario learning may leave {prediction.share:.3g} times the error without learning"
 
 
 def _margins(design: TrialDesign) -> str:

@@ -293,12 +293,14 @@ def _learning(learning: Learning) -> dict[str, Any]:
 
 
 def plant_words(plant: UncertainPlant) -> str:
-    """The plant in one sentence."""
-    sampling = {None: "given as a discrete model", "euler": "Euler", "exact": "exact"}[plant.discretisation]
+    """The plant in a sentence or two."""
+    models = {None: "as given", "euler": "discretised by Euler", "exact": "discretised exactly"}
+    count = len(plant.vertices)
+    uncertain = f"Its uncertainty is spanned by {count} models, the vertices." if count > 1 else ""
     return (
-        f"Plant: order {plant.order}, relative degree {plant.relative_degree}, sampled every "
-        f"{1e3 * plant.period:g} ms ({sampling}), {len(plant.vertices)} vertices."
-    )
+        f"The plant has order {plant.order}, relative degree {plant.relative_degree} and a sample every "
+        f"{1e3 * plant.period:g} ms ({models[plant.discretisation]}). {uncertain}"
+    ).rstrip()
 
 
 def table(study: TrialStudy, summary: TrialSummary) -> Group:

@@ -40,7 +40,7 @@ def _correction(law: Microstepping) -> str:
         return "none"
     own = law.correction.current
     if own is None:
-        return "the study does not say for which current it is. It fits only that one"
+        return "for one current only, which the study does not state"
     wrong = wrong_current(own, law.current)
     now = f"; {wrong}" if wrong else ""
     return f"for {own:.6g} A rms: at a current I it leaves about abs(I / {own:.6g} A - 1) of the ripple{now}"

@@ -116,8 +116,8 @@ def _speed(subject: Subject) -> str:
         says = f"`cogless/{header}` says what it measures{own}{then}, {example}"
         return f"from {article} {name} of {kind}, {simulated}: {says}"
     return (
-        "measured as in the study, since gains and `.speed_window` assume it. There the sensor "
-        f"is ideal{then}. So the gains allow for no delay of a real sensor"
+        f"measured as in the study, by an ideal sensor{then}. The gains and `.speed_window` assume this, so "
+        "the gains allow for no delay of a real sensor"
     )
 
 
@@ -278,7 +278,7 @@ def _precision_check(double: bool) -> str:
 def _left_out_check(macro: str) -> str:
     return (
         f"#ifndef {macro}\n"
-        f'#error "files of the library are left out here: compile every file with {macro}"\n#endif'
+        f'#error "this export leaves out files of the library: compile every file with {macro}"\n#endif'
     )
 
 
