@@ -230,7 +230,7 @@ def test_a_stepper_at_half_a_turn_a_minute_snaps_by_its_detent(tmp_path: Path) -
     detent pulls faster than the loop: more counts don't help, less detent or more speed does."""
     study = problem(tmp_path, NEMA)
     remark = designed(study, "stops and snaps")
-    assert "most of it by order 200, whose detents pull at 137 Hz" in str(remark)
+    assert "most of it by order 200, whose detents swing the rotor at 137 Hz" in str(remark)
     helps(study, remark, 0.1)
     before = speed_error(study)
     assert before > 5
@@ -329,7 +329,7 @@ def test_a_calibration_that_sticks_needs_gains_stiffer_than_its_detents(tmp_path
     gains were the cure."""
     study = problem(tmp_path, SK3)
     remark = designed(study, "calibration run in x records nothing", "map")
-    assert "most of it by order 84, whose detents pull at 18.8 Hz" in str(remark)
+    assert "most of it by order 84, whose detents swing the rotor at 18.8 Hz" in str(remark)
     helps(study, remark, 0.4, "map")
     per_rad = 8192 / (2 * np.pi)
     of_thread = {

@@ -101,9 +101,9 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
     if swinging.least < STOPPING_RIPPLE:  # the back-EMF decides
         sizes, stops = f"{swinging.least:.2g} to {sizes}", "may stop and snap"
     leaves = f"at {speed_text(study, omega_m)} the feedback leaves {sizes} times the speed as ripple"
-    pulls = f"whose detents pull at {swinging.rate / math.tau:.3g} Hz"
-    around = f" where the crossover is {crossover / math.tau:.3g} Hz" if math.isfinite(crossover) else ""
-    return f"{leaves}, most of it by order {swinging.order}, {pulls}{around}: the rotor {stops}"
+    swings = f"whose detents swing the rotor at {swinging.rate / math.tau:.3g} Hz"
+    around = f" (crossover {crossover / math.tau:.3g} Hz)" if math.isfinite(crossover) else ""
+    return f"{leaves}, most of it by order {swinging.order}, {swings}{around}: the rotor {stops}"
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:

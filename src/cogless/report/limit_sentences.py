@@ -21,6 +21,7 @@ from cogless.study.toml import toml
 WITHOUT = {
     "learning-time": "in a longer run",
     TORQUE_RIPPLE: "without any torque ripple",
+    "delay": "without delay (with an ideal position sensor)",
     "belief": "with the true motor parameters",
 }
 
