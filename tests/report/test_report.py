@@ -251,6 +251,19 @@ def test_the_guard_is_told_of_a_tenth_of_a_second_or_more(made, monkeypatch, spa
     assert comparison.guarded(made, low["pi"], slice(None)) == ""  # which doesn't learn
 
 
+def test_a_guard_that_held_learning_back_in_a_whole_window_is_told_so(made, monkeypatch):
+    low = {run.controller: run for run in made.runs if run.scenario == "low-speed"}["pi-ilc"]
+    end = float(low.trace.time[-1])
+    for since, when in ((0.0, "throughout"), (0.1 * end, f"{0.1 * end:.3g} to {end:.3g} s")):
+        monkeypatch.setattr(comparison, "spans", lambda *_, since=since: [(since, end)])
+        assert comparison.guarded(made, low, slice(None)) == when
+    text = (
+        "the guard paused the learning of PI-ILC, throughout, to compare the ripple with that of the "
+        "feedback alone: its ripple is the feedback's"
+    )
+    assert held_back(made.study, [replace(line(), name="ripple", guarded={"pi-ilc": "throughout"})]) == [text]
+
+
 def test_of_several_misses_the_one_with_the_latest_end_is_told():
     def missed(name, span):
         return replace(line(a=1.0), name=name, missed={"a": "mean 0 of 60 rpm"}, span=span)

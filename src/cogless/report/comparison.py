@@ -71,6 +71,8 @@ SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"
 TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
 TOO_FEW_TURNS = "less than one turn"  # in place of the value of an order
+THROUGHOUT = "throughout"  # when the guard held learning back: in all of a window
+WHOLE_WINDOW_SHARE = 0.99  # of a window's time
 EVENT_KINDS = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNT_KINDS = ("trials-to-floor", "trials-at-limit")
 QUANTITIES = {
@@ -268,12 +270,19 @@ def unjudged(metric: Metric, run: Run, rows: slice, torque: bool = False) -> str
 
 
 def guarded(results: Results, run: Run, rows: slice) -> str:
-    """When in these rows the guard held a run's learning back, such as "3.5 to 5.1 s"; "" if hardly ever."""
+    """When in these rows the guard held a run's learning back, such as "3.5 to 5.1 s"; "" if hardly ever.
+
+    THROUGHOUT if it did in all of them.
+    """
     if not results.study.controller[run.controller].learns:
         return ""
     guard_spans = spans(run, Status.GUARDED, rows)
-    if sum(to - since for since, to in guard_spans) < STATE_TIME_LEAST:
+    held_time = sum(to - since for since, to in guard_spans)
+    if held_time < STATE_TIME_LEAST:
         return ""
+    time = run.trace.time[rows]
+    if held_time >= WHOLE_WINDOW_SHARE * (time[-1] - time[0]):
+        return THROUGHOUT
     return f"{guard_spans[0][0]:.3g} to {guard_spans[-1][1]:.3g} s"
 
 
@@ -316,9 +325,15 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
             by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
         f"the guard paused the learning of {study.label(c)}, {when}, to compare the ripple with that of the "
-        f"feedback alone: {_harm(study, c, within) or f'its {within[0].quantity} is in part from this time'}"
+        f"feedback alone: {_harm(study, c, within) or _unlearned_part(when, within[0])}"
         for c, (when, within) in by_controller.items()
     ]
+
+
+def _unlearned_part(when: str, line: Line) -> str:
+    """How much of a metric's value is without learning, as a clause."""
+    much = "the feedback's" if when == THROUGHOUT else "in part from this time"
+    return f"its {line.quantity} is {much}"
 
 
 def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
