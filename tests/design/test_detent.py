@@ -132,13 +132,12 @@ def test_in_both_limits_it_is_the_detent_against_energy_or_stiffness() -> None:
 
 
 def test_the_speed_from_which_it_turns_is_where_the_ripple_is_as_large_as_the_speed() -> None:
-    fast = {"drive.current_loop.bandwidth": "2 kHz"}  # the back-EMF hardly matters
-    study = step_motor(5.0, 0.2, **fast)
+    study = step_motor(5.0, 0.2)
     feedback = feedback_of(study, "pi")
     assert feedback is not None
     begins = turns_from(study, "turn", feedback, 5 * math.pi / 30)
-    assert begins is not None and 35 < begins * 30 / math.pi < 60
-    below, above = (step_motor(share * begins * 30 / math.pi, 0.2, **fast) for share in (0.8, 1.25))
+    assert begins is not None and 40 < begins * 30 / math.pi < 60
+    below, above = (step_motor(share * begins * 30 / math.pi, 0.2) for share in (0.8, 1.25))
     assert stopped(below, "turn") and not stopped(above, "turn")
 
 

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from drafts import OWN, request, written
 
-from cogless.design.laws.harmonic import rival_bases
+from cogless.design.laws.harmonic import certificate, rival_bases
+from cogless.design.settling import settling
 from cogless.design.summary import summary
 from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
@@ -423,6 +424,17 @@ def test_no_cogging_is_none(tmp_path: Path) -> None:
     assert cogging_swing(written(tmp_path, request("hub", "vesc", "as5048", cogging=0))[1]) == 0
 
 
+def test_a_sensor_that_is_read_more_slowly_than_the_current_loop_runs_is_doubted(tmp_path: Path) -> None:
+    """404 us a reading are 2475 a second."""
+    doubt = (
+        "as5600: a reading takes 404 us, but the study assumes a new angle in each period of a current loop "
+        "at 5 kHz; if your drive reads the angle in each period, give --current-rate 2 kHz or less"
+    )
+    assert written(tmp_path, request("gimbal", "simplefoc", "as5600"))[0].doubts == (doubt,)
+    for encoder, numbers in (("as5600", {"current_rate": "2 kHz"}), ("as5047", {})):
+        assert written(tmp_path, request("gimbal", "simplefoc", encoder, **numbers))[0].doubts == ()
+
+
 def test_a_winding_of_a_phase_is_doubled_between_terminals(tmp_path: Path) -> None:
     of = request("hub", "vesc", "as5048", resistance="0.28 ohm/phase", inductance="0.55 mH per phase", **HUB)
     made, study = written(tmp_path, of)
@@ -494,3 +506,16 @@ def test_any_flags_make_a_study_or_one_line(tmp_path: Path) -> None:
             draft(of, "Mine", tmp_path / "mine.toml")
             made += 1
     assert made > 0
+
+
+@pytest.mark.parametrize(
+    ("drive", "encoder", "speed"), [("vesc", "as5047", 100), ("simplefoc", "as5600", 45)]
+)
+def test_a_run_lasts_until_the_law_has_learned(tmp_path: Path, drive: str, encoder: str, speed: int) -> None:
+    """By twice the model's time, before the metrics are taken."""
+    study = written(tmp_path, request("gimbal", drive, encoder, speed=speed))[1]
+    times = settling(study, "harmonic", certificate(study, "harmonic"))
+    (ripple,) = (metric for metric in study.metric if metric.name == "speed_ripple")
+    assert times and ripple.last is not None
+    assert all(at_speed.duration - ripple.last >= at_speed.time for at_speed in times)
+    assert study.scenario["slow"].duration > 6.0 or times[0].time < 2.0

@@ -27,9 +27,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.back_emf import ripple_factors
-from cogless.design.changes import SPEED_RESERVE
+from cogless.design.back_emf import response_factors, ripple_factors
 from cogless.design.closed_loop import Linear
+from cogless.design.laws.harmonic_transfer import BELIEF_FACTORS
 from cogless.design.ripple import orders, responses
 from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study, for_scenario
@@ -39,7 +39,6 @@ STOPPING_RIPPLE = 1.0  # ripple / speed, at which the rotor stops
 STALLING_RATIO = (
     0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 )
-CERTAIN_SHARE = SPEED_RESERVE**-2  # smaller / larger ripple; the ripple falls with the square of the speed
 TRIED_SPEED_STEP, SPEED_RANGE = (
     1.05,
     1e4,
@@ -54,12 +53,13 @@ class Swing:
     least: float  # the smaller
     rms: float  # rms of all orders / speed
     order: int  # mechanical order with the largest amplitude
+    response: float  # of the rotor to a current at that order, with the back-EMF / without
     rate: float  # rad/s: omega_s of that order
 
     @property
     def is_certain(self) -> bool:
-        """Whether the back-EMF changes the ripple too little to decide whether the rotor stops."""
-        return self.least >= CERTAIN_SHARE * self.size
+        """Whether the back-EMF changes the rotor's response little enough for the small-signal model."""
+        return min(BELIEF_FACTORS) <= self.response <= max(BELIEF_FACTORS)
 
     @property
     def stops(self) -> bool:
@@ -80,7 +80,8 @@ def swing(
     loop, omega = loop or speed_loop(study, scenario), abs(omega_m)
     w = np.asarray(n * omega, dtype=float)
     plain = np.abs(responses(loop, feedback, w / math.tau)[0]) * d / omega
-    with_emf = plain * ripple_factors(for_scenario(study, scenario), feedback, w, loop)
+    study_here = for_scenario(study, scenario)
+    with_emf = plain * ripple_factors(study_here, feedback, w, loop)
     smaller, sizes = sorted((plain, with_emf), key=np.sum)
     k = int(np.argmax(sizes))
     return Swing(
@@ -88,6 +89,7 @@ def swing(
         least=float(np.sum(smaller)),
         rms=math.sqrt(float(np.sum(sizes**2)) / 2),
         order=int(n[k]),
+        response=float(response_factors(study_here, w[k : k + 1])[0]),
         rate=math.sqrt(int(n[k]) * loop.b * float(d[k])),
     )
 

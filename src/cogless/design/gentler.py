@@ -8,7 +8,7 @@ from cogless.design.changes import unit_text
 from cogless.design.law_rules import pi_texts, rules_of
 from cogless.study import Study
 from cogless.study.messages import dotted
-from cogless.study.position_sensor import Absolute, Encoder, Hall, Resolver
+from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
 
 TRIED_HALVINGS = 12  # each tried gain is half the one before
@@ -31,14 +31,20 @@ def finer_sensor(study: Study, factor: float) -> Changes | None:
 
 
 def other_law_rates(study: Study) -> list[Changes]:
-    """Changes to the law's rate, from half to twice the present one, the nearest first."""
-    rates = study.drive.rates
+    """Changes to the law's rate, from half to twice the present one, the nearest first.
+
+    A faster law only where its period is longer than the angle takes to arrive.
+    """
+    rates, sensor = study.drive.rates, study.drive.position_sensor
+    latency = sensor.latency if isinstance(sensor, Counted) else 0.0
     periods = (n for n in range(-(-rates.divider // 2), 2 * rates.divider + 1) if n != rates.divider)
     near = sorted(periods, key=lambda n: abs(math.log(n / rates.divider)))
     return [
         {"drive.rates.speed_loop": f"{rates.current_loop / n:g} Hz"}
         for n in near
-        if rates.current_loop % n == 0 and rates.current_loop / n % 1 == 0
+        if rates.current_loop % n == 0
+        and rates.current_loop / n % 1 == 0
+        and (n > rates.divider or n >= latency * rates.current_loop)
     ]
 
 

@@ -43,6 +43,7 @@ from cogless.starter.sensor_choice import (
     HALL_EDGES_PER_SECOND,
     fit_observer,
     put_sensor,
+    reading_doubt,
     sensor_counts,
 )
 from cogless.starter.sheet import Guess, Section, Sheet, origin, round_125
@@ -257,6 +258,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
         speed = faster, "the slowest at which the rotor does not snap from detent to detent"
     current_rate = _drive(sheet, request, motor, drive, voltage, fit.steps)
     put_sensor(sheet, request, sensor, drive, observer=fit.observer)
+    sheet.doubts += reading_doubt(request, sensor, current_rate)
     duration = _duration(speed[0], fit.settling)
     rows = _scenario(sheet, request, motor, speed, duration, current_rate, voltage.typical)
     _controllers(sheet, fit.feedbacks, fit.base)

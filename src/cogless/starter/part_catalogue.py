@@ -30,6 +30,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "twice": units.ANGLE,
     "placement": units.ANGLE,
     "latency": units.TIME,
+    "reading": units.TIME,
     "current_loop": units.FREQUENCY,
     "speed_loop": units.FREQUENCY,
     "timer": units.FREQUENCY,

@@ -91,6 +91,21 @@ def put_sensor(
             part.put("phase", "60 deg", note="arbitrary")
 
 
+def reading_doubt(request: Request, sensor: Part, current_rate: float) -> list[str]:
+    """A sentence on a sensor that is read more slowly than a current loop runs whose rate nobody stated."""
+    if "reading" not in sensor.figures or "current-rate" in request.numbers:
+        return []
+    reading = sensor["reading"].typical
+    if current_rate * reading <= 1:
+        return []
+    fastest = exact_rate(1000 * (1 / reading // 1000))
+    return [
+        f"{request.encoder}: a reading takes {amount(reading, units.TIME)}, but the study assumes a new "
+        f"angle in each period of a current loop at {exact_rate(current_rate)}; if your drive reads the "
+        f"angle in each period, give --current-rate {fastest} or less"
+    ]
+
+
 def _hall(sheet: Sheet, section: Section, sensor: Part) -> None:
     figure = sensor["placement"]
     text = span(figure.low, figure.high, units.ANGLE)
