@@ -320,7 +320,9 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
     assert [log.path.name for log in logs.recordings] == ["a.csv"] and logs.frame.zero
     more = tview_csv(runs(1)["slow"], tmp_path, "slow") + tview_csv(runs(1)["fast"], tmp_path, "fast")
     assert len(moteus.read_logs(more, dump).recordings) == 2
-    with pytest.raises(StudyError, match=r"b.csv: .* servo_stats is in a.csv, slow_1_\S+, fast_1_\S+: "):
+    with pytest.raises(
+        StudyError, match=r"b.csv: .* servo_stats at the same time: a.csv, slow_1_\S+, fast_1_\S+: "
+    ):
         moteus.read_logs([*renamed, *more], dump)
     with pytest.raises(StudyError, match=r"lacks the angle that indexes the cogging table, which other"):
         moteus.read_logs(more[:3], dump)

@@ -45,7 +45,7 @@ TRIED_SPEED_STEP, SPEED_RANGE = (
 )  # ratio of one tried speed to the one before; the fastest / the slowest
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Swing:
     """Ripple of the speed at a reference with the feedback alone, by the small-signal model."""
 
