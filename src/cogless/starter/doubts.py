@@ -14,6 +14,7 @@ from cogless.units import Dimension
 UNLIKELY_FACTOR = 50.0  # beyond an end of the class's range
 LIKELY_FACTOR = 5.0  # within which another unit is what was meant
 OTHER_UNITS: dict[Dimension, tuple[str, ...]] = {units.INERTIA: ("kg*m^2", "kg*cm^2", "g*cm^2")}
+OF_THE_SIZE = ("rated-torque", "holding-torque", "rated-current")
 SLOTS_NEAR = 6  # slots, up and down, among which those of a balanced winding are looked for
 STAR_PHASES = 3
 
@@ -22,23 +23,26 @@ def doubts(request: Request, motor: MotorFacts) -> list[str]:
     """At most one sentence on a number that is far from the class's, and one on the slots."""
     numbers = (
         text
-        for flag, (low, high) in _usual(motor).items()
+        for flag, (low, high) in _usual(request, motor).items()
         if flag in request.numbers and (text := _doubt(request, motor, flag, low, high))
     )
     return [*filter(None, [next(numbers, ""), _slots_doubt(request, motor)])]
 
 
-def _usual(motor: MotorFacts) -> dict[str, tuple[float, float]]:
+def _usual(request: Request, motor: MotorFacts) -> dict[str, tuple[float, float]]:
     """The least and the most of each number that motors of this class and size have, SI.
 
     What the size is taken from comes first.
     """
     part, size = motor.part, motor.size
     phases_in_series = 2 if motor.phases == STAR_PHASES else 1
+    # A size that is taken from the resistance would make each resistance usual.
+    is_sized = any(flag in request.numbers for flag in OF_THE_SIZE)
+    resistance_factor = size.resistance_factor if is_sized else size.winding_ratio
     figures = {
         "rated-torque": part["rated_torque"],
         "holding-torque": part["rated_torque"],
-        "resistance": part["resistance"].scaled(phases_in_series * size.resistance_factor),
+        "resistance": part["resistance"].scaled(phases_in_series * resistance_factor),
         "inductance": part["inductance"].scaled(phases_in_series * size.inductance_factor),
         "inertia": part["inertia"].scaled(size.inertia_factor),
     }

@@ -451,7 +451,9 @@ def spoken_unit(study: StudyBase, dimension: Dimension) -> str:
 
 def speed_text(study: StudyBase, omega_m: float, digits: int = 4) -> str:
     """Magnitude of a speed as a text, in the unit that the study uses. `omega_m`: in rad/s."""
-    return units.format(abs(omega_m), spoken_unit(study, ANGULAR_SPEED), ANGULAR_SPEED, digits)
+    unit = spoken_unit(study, ANGULAR_SPEED)
+    rounded = float(f"{units.convert(abs(omega_m), unit, ANGULAR_SPEED):.{digits}g}")
+    return f"{rounded:g} {unit}"  # 200 rpm in one digit, and not 2e+02
 
 
 def _texts(value: Any) -> Iterator[str]:
