@@ -209,7 +209,7 @@ def test_why_a_trial_s_design_is_not_certified(tmp_path: Path) -> None:
 
     growing = replace(part.with_filter, monotone=False, contracting=False, norm=1.2, frequency=50.0)
     assert reason(stable=False, radius=1.02) == (
-        f"along the trial its loop is unstable for {part.worst} (largest pole 1.02)"
+        f"within a trial the feedback loop is unstable for {part.worst} (largest magnitude of a pole 1.02)"
     )
     assert reason(with_filter=growing) == "an error may grow from trial to trial (1.2 at 50 Hz, may grow)"
     assert reason(with_filter=None, without_filter=None) == "no K_3 makes every error smaller"

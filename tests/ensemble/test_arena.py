@@ -279,7 +279,7 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     assert absent == {"robust": "this plant's feedback is chosen by hand, and the law has another one"}
     assert study.controller["bar"].kp == 0.05
     with pytest.raises(
-        StudyError, match=r"plant\.drone: expected a law that takes the feedback chosen by hand$"
+        StudyError, match=r"plant\.drone: expected a law that can use the gains given for this plant$"
     ):
         prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", ["robust"])
 

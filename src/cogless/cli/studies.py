@@ -229,10 +229,11 @@ def design(
 ) -> None:
     """Say before any run whether each controller's learning settles and how fast; show margins and gains.
 
-    For a study of speed: the gains (given or from a tuning rule), the loop's margins, and whether learning
+    A study of speed shows the gains (given or from a tuning rule), the loop's margins, and whether learning
     settles.
 
-    For a study of trials: the gains (given or computed), and the certificate that learning works.
+    A study of trials, which repeats one motion, shows the gains (given or computed) and whether it is proven
+    that the error falls from trial to trial.
     """
     from cogless.design.kinds import DESIGNS
 

@@ -237,8 +237,8 @@ def _too_coarse(study: Study, coarse: Remaining) -> str:
     )
     if coarse.beat is None:
         return ripple
-    counts = f"{coarse.counts * coarse.law_rate:.0f} steps a second look like motion at {coarse.beat:.0f} Hz"
-    return f"{ripple}: to a law of {coarse.law_rate:.0f} Hz, {counts}"
+    counts = f"{coarse.counts * coarse.law_rate:.0f} steps a second for motion at {coarse.beat:.0f} Hz"
+    return f"{ripple}, since a law of {coarse.law_rate:.0f} Hz takes {counts}"
 
 
 def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str:

@@ -332,7 +332,9 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
     }
     present = {law: table for law, table in controllers.items() if table is not None}
     if not present:
-        raise StudyError(f"{arena.path}: plant.{name}: expected a law that takes the feedback chosen by hand")
+        raise StudyError(
+            f"{arena.path}: plant.{name}: expected a law that can use the gains given for this plant"
+        )
     shared_tables = ("title", "motor", "mechanics", "drive", "assumption")
     tables = {key: table for key, table in base.source.tables.items() if key in shared_tables}
     tables |= {

@@ -156,8 +156,8 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     prepared = prepare(study, scenario, controller)
     if prepared.has_bus:
         raise StudyError(
-            f"{study.source.path}: drive.bus: the law runs beyond the bus: expected no bus, to export law "
-            "and drive as one"
+            f"{study.source.path}: drive.bus: the law runs at the other end of the field bus: expected no "
+            "drive.bus, to export law and drive as one"
         )
     return prepared
 

@@ -150,7 +150,7 @@ def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> 
 
 def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int, poles: int) -> str:
     if named.get("slots"):
-        return f"guess: as in the study of this motor; another number that fits {poles} poles is possible"
+        return f"guess: as in the shipped study of this motor; others that fit {poles} poles are possible"
     also = _alternatives([other for other, _ in others], slots)
     return f"guess: {also} is possible, too; a winding balanced with the poles, as most motors have"
 

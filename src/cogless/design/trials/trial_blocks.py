@@ -56,7 +56,8 @@ def why_not(design: TrialDesign) -> str | None:
         return None
     part, prediction = design.certificate.deciding, design.prediction
     if not part.stable:
-        return f"along the trial its loop is unstable for {part.worst} (largest pole {part.radius:.4g})"
+        poles = f"largest magnitude of a pole {part.radius:.4g}"
+        return f"within a trial the feedback loop is unstable for {part.worst} ({poles})"
     if design.no_K_3 or part.learning is None:
         return "no K_3 makes every error smaller"
     if not part.learning.monotone:
