@@ -20,7 +20,7 @@ from cogless.live.keys import AdjustableKeys, Landing, _accepted, landed, packed
 from cogless.live.live_page import data
 from cogless.report import speed_tracking
 from cogless.report.speed_tracking import STATE_TIME_LEAST
-from cogless.results.metrics import MEAN_ERROR_MOST
+from cogless.results.metrics import JERKS_RATIO, MEAN_ERROR_MOST
 from cogless.study.reading import changed
 from cogless.study.toml import sections, toml
 
@@ -269,7 +269,7 @@ def test_a_page_has_what_its_scripts_draw_and_judge_by(small):
         None,
     )
     assert (made["busy"], made["guarded"], made["moment"]) == (Status.BUSY, Status.GUARDED, STATE_TIME_LEAST)
-    limits = {"far": MEAN_ERROR_MOST, "lost": speed_tracking.LOST_SPEED_RATIO}
+    limits = {"far": MEAN_ERROR_MOST, "jerks": JERKS_RATIO, "lost": speed_tracking.LOST_SPEED_RATIO}
     limits |= {"drift": speed_tracking.REST_ERROR_MOST, "one_way": speed_tracking.ONE_WAY}
     assert made["tracking"] == limits
     named = [

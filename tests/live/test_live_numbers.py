@@ -17,7 +17,14 @@ from cogless.report.speed_tracking import (
     missed,
     rows_of,
 )
-from cogless.results.metrics import MEAN_ERROR_MOST, METRIC_FUNCTIONS, evaluate, result_name, window_of
+from cogless.results.metrics import (
+    JERKS_RATIO,
+    MEAN_ERROR_MOST,
+    METRIC_FUNCTIONS,
+    evaluate,
+    result_name,
+    window_of,
+)
 from cogless.results.trace import Trace
 from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
 
@@ -221,6 +228,7 @@ def test_a_speed_that_was_not_held_is_said_as_in_the_report(tmp_path):
     order = ("time", "omega_ref", "omega_m")
     tracking = {
         "far": MEAN_ERROR_MOST,
+        "jerks": JERKS_RATIO,
         "lost": LOST_SPEED_RATIO,
         "drift": REST_ERROR_MOST,
         "one_way": ONE_WAY,

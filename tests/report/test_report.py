@@ -225,8 +225,8 @@ def test_the_guard_is_told_once_for_all_metrics_of_a_controller(made):
     one, two, three = (replace(line(), name=name, guarded={"pi-ilc": when}) for name, when in (
         ("ripple", "3.5 to 5.1 s"), ("loss", "1 to 2 s"), ("dip", "1 to 2 s")))  # fmt: skip
     said = (
-        "the guard paused the learning of PI-ILC, 3.5 to 5.1 s, to compare the ripple with that of the "
-        "feedback alone: its ripple is in part from this time"
+        "the guard held the learning of PI-ILC back, 3.5 to 5.1 s, where it is frozen, gentler or without "
+        "effect: its ripple is in part from this time"
     )
     assert held_back(made.study, [one]) == held_back(made.study, [one, two, three]) == [said]
     other = replace(two, guarded={"fair-pi": "1 to 2 s"})
@@ -258,8 +258,8 @@ def test_a_guard_that_held_learning_back_in_a_whole_window_is_told_so(made, monk
         monkeypatch.setattr(comparison, "spans", lambda *_, since=since: [(since, end)])
         assert comparison.guarded(made, low, slice(None)) == when
     text = (
-        "the guard paused the learning of PI-ILC, throughout, to compare the ripple with that of the "
-        "feedback alone: its ripple is the feedback's"
+        "the guard held the learning of PI-ILC back, throughout, where it is frozen, gentler or without "
+        "effect: its ripple is all from this time"
     )
     assert held_back(made.study, [replace(line(), name="ripple", guarded={"pi-ilc": "throughout"})]) == [text]
 

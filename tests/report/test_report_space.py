@@ -175,7 +175,7 @@ def test_what_gets_worse_wins_nothing(made):
     found = verdicts(replace(made, runs=[pi, with_line(best, 400, 1.0, 9.0), filtered]))[0]
     assert "filtered map leaves" in found.headline and "printed" not in found.headline
     assert found.details[0].startswith("Worse with time: printed scheme is no worse than “PI")
-    alone = verdicts(replace(made, runs=[pi, with_line(best, 400, 1.0, 9.0)]))[0]
+    alone = verdicts(replace(made, runs=[pi, with_line(best, 400, 0.3, 3.0)]))[0]
     assert alone.tone == "worse"
     assert "no controller stays better than “PI, as published”: it leaves" in alone.headline
 

@@ -72,15 +72,13 @@ def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
     assert learning
     inside = [line for line in lines if line.span and line.span[1] > SINCE]
     assert inside and all(set(line.guarded) == set(learning) & set(line.values) for line in inside)
-    told = [
-        line for line in remarks(held.study, lines) if line.startswith("the guard paused the learning of")
-    ]
+    told = [line for line in remarks(held.study, lines) if line.startswith("the guard held the learning of")]
     assert len(told) == len(learning)
     label = held.study.label(learning[0])
-    assert told[0].startswith(f"the guard paused the learning of {label}, 8.5 to 9.75 s, to compare ")
+    assert told[0].startswith(f"the guard held the learning of {label} back, 8.5 to 9.75 s, where it is ")
     assert told[0].endswith(" is in part from this time")
     found = verdict(held, runs_in(held, WHERE))
-    assert any(line.startswith("The guard paused the learning of") for line in found.details)
+    assert any(line.startswith("The guard held the learning of") for line in found.details)
 
 
 def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_reason(made, monkeypatch):

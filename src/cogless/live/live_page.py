@@ -32,7 +32,7 @@ from cogless.report.speed_tracking import (
     STATE_TIME_LEAST,
 )
 from cogless.report.trials import panels_of
-from cogless.results.metrics import MEAN_ERROR_MOST, result_name
+from cogless.results.metrics import JERKS_RATIO, MEAN_ERROR_MOST, result_name
 from cogless.run.plan import NEVER_LEARNS
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
@@ -140,6 +140,7 @@ def data(
         "moment": STATE_TIME_LEAST,
         "tracking": {
             "far": MEAN_ERROR_MOST,
+            "jerks": JERKS_RATIO,
             "lost": LOST_SPEED_RATIO,
             "drift": REST_ERROR_MOST,
             "one_way": ONE_WAY,

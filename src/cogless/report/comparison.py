@@ -324,16 +324,15 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
         for controller, when in line.guarded.items():
             by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
-        f"the guard paused the learning of {study.label(c)}, {when}, to compare the ripple with that of the "
-        f"feedback alone: {_harm(study, c, within) or _unlearned_part(when, within[0])}"
+        f"the guard held the learning of {study.label(c)} back, {when}, where it is frozen, gentler or "
+        f"without effect: {_harm(study, c, within) or _affected(when, within[0])}"
         for c, (when, within) in by_controller.items()
     ]
 
 
-def _unlearned_part(when: str, line: Line) -> str:
-    """How much of a metric's value is without learning, as a clause."""
-    much = "the feedback's" if when == THROUGHOUT else "in part from this time"
-    return f"its {line.quantity} is {much}"
+def _affected(when: str, line: Line) -> str:
+    """How much of a metric's value is from a time with less learning, as a clause."""
+    return f"its {line.quantity} is {'all' if when == THROUGHOUT else 'in part'} from this time"
 
 
 def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:

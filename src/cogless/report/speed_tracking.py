@@ -16,7 +16,7 @@ from cogless.report.markup import number, place, rms
 from cogless.report.verdicts import listed
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.metrics import MEAN_ERROR_MOST, mean_error, window_of
+from cogless.results.metrics import JERKS_RATIO, MEAN_ERROR_MOST, mean_error, window_of
 from cogless.results.trace import Array
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
@@ -170,11 +170,11 @@ def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
     if not np.all(np.isfinite(speed)):
         return "speed not finite"
     mean_reference, got, size = (float(np.mean(x)) for x in (reference, speed, np.abs(reference)))
-    if abs(mean_reference) > ONE_WAY * size:
-        off = mean_error(reference, speed) > MEAN_ERROR_MOST
+    if abs(mean_reference) > ONE_WAY * size and mean_error(reference, speed) > MEAN_ERROR_MOST:
         mean_shown = got if abs(got) > 1e-3 * size else 0.0
-        return f"mean {mean_shown:.4g} of {mean_reference:.4g} {unit}" if off else ""
+        return f"mean {mean_shown:.4g} of {mean_reference:.4g} {unit}"
     error, amplitude = float(rms(reference - speed)), float(rms(reference))
-    if error <= (LOST_SPEED_RATIO * amplitude or drift):
+    most = JERKS_RATIO * size if abs(mean_reference) > ONE_WAY * size else LOST_SPEED_RATIO * amplitude
+    if error <= (most or drift):
         return ""
     return f"error {number(error)} {unit} rms, reference {number(amplitude)} {unit} rms"

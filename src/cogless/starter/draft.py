@@ -18,7 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from cogless import units
 from cogless.design import warnings
-from cogless.design.laws.harmonic import certificate, rival_bases
+from cogless.design.laws.harmonic import certificate, rival_bases, unlearned_orders
 from cogless.design.settling import settling
 from cogless.run.simulate import rollout
 from cogless.starter.amounts import amount, digits, exact_rate
@@ -211,7 +211,9 @@ def better_base(study: Study) -> tuple[int, str] | None:
     answers = [outcome(variant, result.runs[0]) for variant, result in zip(variants, results, strict=True)]
     ripple = {base: answer.ripple for base, answer in zip(rivals, answers, strict=True) if answer.holds}
     complete, roomy = rivals
-    learns = f"base {complete} learns all orders of the cogging, base {roomy} the error of the sensor"
+    beyond = ", ".join(map(str, unlearned_orders(variants[0], LEARNING_LAW)))
+    cogging = f"the orders of the cogging but {beyond}" if beyond else "all orders of the cogging"
+    learns = f"base {complete} learns {cogging}, base {roomy} the error of the sensor"
     of_run = f"in the run of {run.duration:g} s below, with these numbers"
     if not ripple:
         return complete, f"{learns}: neither holds the speed {of_run}"

@@ -18,13 +18,12 @@ from cogless.control_library import NOTICED, SAFE_OUTPUT
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.metrics import is_mean_off
+from cogless.results.metrics import is_jerking, is_mean_off
 from cogless.run.simulate import RunError, rollout
 from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
 
 LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
-RIPPLE_SHARE_MOST = 0.5  # of the reference, that the ripple's rms of a held speed may be
 RUN_TICKS_MOST = 250_000  # a run has no more
 LAST_SHARE = 1 / 3  # of a run, in which the ripple is taken
 AT_ONCE = 8  # variants in a batch, between which progress is told
@@ -162,10 +161,10 @@ def outcome(study: Study, run: Run | None) -> Outcome:
     ripple, mean = (
         float(np.asarray(run.metrics[f"{name}_rad_s"])) for name in ("speed_ripple", "mean_speed")
     )
-    return Outcome(ripple=ripple, why=_why(study, run, ripple, mean))
+    return Outcome(ripple=ripple, why=_why(study, run, mean))
 
 
-def _why(study: Study, run: Run, ripple: float, mean: float) -> str:
+def _why(study: Study, run: Run, mean: float) -> str:
     reference = study.scenario[run.scenario].top_reference
     last = study.metric[0].last or 0.0
     late = run.trace.time >= run.trace.time[-1] - last
@@ -173,8 +172,9 @@ def _why(study: Study, run: Run, ripple: float, mean: float) -> str:
     if np.any(status & int(SAFE_OUTPUT)):
         causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
         return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
-    if is_mean_off(*(run.trace.part(signal, late) for signal in ("omega_ref", "omega_m"))):
+    reference_and_speed = [run.trace.part(signal, late) for signal in ("omega_ref", "omega_m")]
+    if is_mean_off(*reference_and_speed):
         return f"the mean speed is {100 * mean / reference:.3g} % of the reference"
-    if not ripple <= RIPPLE_SHARE_MOST * reference:
+    if is_jerking(*reference_and_speed):
         return "the rotor turns in jerks"
     return unstable_feedback(study, run.controller) or ""

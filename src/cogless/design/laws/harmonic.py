@@ -445,6 +445,11 @@ def _certified_at(
     )
 
 
+def unlearned_orders(study: Study, name: str) -> list[int]:
+    """The orders of the cogging that a controller doesn't learn."""
+    return _unlearned(study, name)[1]
+
+
 def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]]:
     """The orders of the cogging, and those that a controller doesn't learn."""
     cogging = sorted(
@@ -471,7 +476,7 @@ def _not_learned(study: Study, name: str) -> Remark | None:
         return Remark(f"{sentence}; no base learns all of the cogging with {HARMONIC_ORDERS} orders")
 
     def cured(other: Study) -> bool:
-        return not _unlearned(other, name)[1]
+        return not unlearned_orders(other, name)
 
     cures = helping(study, ({f"controller.{name}.base": needed},), cured)
     return Remark(f"{sentence}; {either(cures)} learns all of it" if cures else sentence, cures)
@@ -569,8 +574,12 @@ class HarmonicRules(FeedbackRules[Harmonic]):
         return _not_learned(self.study, self.name)
 
     def notes(self) -> Iterator[Remark]:
+        shortfall = self.shortfall()
         if self.law.base in (rival_bases(self.study, self.name) or ()):
-            return  # the study itself states one of two bases, each of which misses what the other learns
-        for remark in (self.shortfall(), _no_room(self.study, self.name)):
+            # The study itself states one of two bases, each of which misses what the other learns.
+            if shortfall is not None and not shortfall.cures:  # neither learns it
+                yield shortfall
+            return
+        for remark in (shortfall, _no_room(self.study, self.name)):
             if remark is not None:
                 yield remark

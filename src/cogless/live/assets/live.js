@@ -375,7 +375,7 @@
         }
       } else head.append(c.learns ? "." : ", with nothing that learns.");
       const [from, to, long] = (c.learns && run.result.guarded[which]) || [0, 0, 0];
-      if (long >= page.moment) make("p", item, `The guard paused its learning, ${number(from)} to ${number(to)} s, to compare the ripple with that of the feedback alone: its ${words} is in part from this time.`, "fault");
+      if (long >= page.moment) make("p", item, `The guard held its learning back, ${number(from)} to ${number(to)} s, where it is frozen, gentler or without effect: its ${words} is in part from this time.`, "fault");
       const before = found(c.name, false, ghost);
       if (before && before !== run.result) make("p", item, `Before the change: ${number(before.values[which] / metric.factor)} ${unit}.`, "details");
     }

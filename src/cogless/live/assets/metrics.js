@@ -314,15 +314,15 @@ const liveMetrics = (() => {
     const found = (from) => off(part("omega_ref", from), part("omega_m", from), tracking);
     return found(first + ((last - first) >> 1)) && found(first);
   }
-  function off(wanted, got, { far, lost, drift, one_way }) {
+  function off(wanted, got, { far, jerks, lost, drift, one_way }) {
     const size = mean(wanted.map(Math.abs)), middle = mean(wanted), turned = mean(got);
     if (!got.every(Number.isFinite)) return { kind: "speed", got: NaN, wanted: middle };
-    if (Math.abs(middle) > one_way * size) {
-      const shown = Math.abs(turned) > 1e-3 * size ? turned : 0;
-      return Math.abs(turned - middle) > far * size ? { kind: "mean", got: shown, wanted: middle } : null;
+    const is_one_way = Math.abs(middle) > one_way * size;
+    if (is_one_way && Math.abs(turned - middle) > far * size) {
+      return { kind: "mean", got: Math.abs(turned) > 1e-3 * size ? turned : 0, wanted: middle };
     }
     const error = rms(got.map((v, i) => v - wanted[i])), amplitude = rms(wanted);
-    return error > (lost * amplitude || drift) ? { kind: "error, rms,", got: error, wanted: amplitude } : null;
+    return error > ((is_one_way ? jerks * size : lost * amplitude) || drift) ? { kind: "error, rms,", got: error, wanted: amplitude } : null;
   }
   // Root of the mean square of x.
   const rms = (x) => KINDS.rms({ x });
