@@ -230,7 +230,7 @@ def test_the_guard_is_told_once_for_all_metrics_of_a_controller(made):
     )
     assert held_back(made.study, [one]) == held_back(made.study, [one, two, three]) == [said]
     other = replace(two, guarded={"fair-pi": "1 to 2 s"})
-    assert [text.split(",")[0].split(" of ")[1] for text in held_back(made.study, [one, other])] == [
+    assert [text.split(" back,")[0].split(" of ")[1] for text in held_back(made.study, [one, other])] == [
         "PI-ILC", "PI re-tuned",
     ]  # fmt: skip
 

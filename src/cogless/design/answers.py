@@ -24,6 +24,7 @@ from cogless.design.summary import Design, current_loop_dict, design_dict, summa
 from cogless.design.verdict import Kind
 from cogless.study import Study
 from cogless.study.base import speed_text, spoken_unit
+from cogless.study.numerics import voltage_reach
 from cogless.study.reading import Changes
 from cogless.units import ANGULAR_SPEED
 
@@ -262,8 +263,8 @@ def _rounded_time(time: float) -> str:
 
 
 def _reach(study: Study, fastest: float | None) -> str:
-    """Up to which speed it learns, in three digits."""
-    if fastest is None:
+    """Up to which speed it learns, in three digits; "" if the bus voltage does not turn the motor so fast."""
+    if fastest is None or fastest > voltage_reach(study):
         return ""
     unit = spoken_unit(study, ANGULAR_SPEED)
     rounded = float(f"{units.convert(fastest, unit, ANGULAR_SPEED):.3g}")

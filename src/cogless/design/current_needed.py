@@ -84,6 +84,21 @@ def available(study_here: Study, omega: float) -> float:
     return min(reach, float(torque.max()))
 
 
+def carried(study_here: Study, omega: float) -> float:
+    """The largest i_q, A, that the bus voltage carries at a speed, rad/s, with i_d = 0; infinite if ideal.
+
+    |u|^2 = (R i + w psi)^2 + (w L_q i)^2, at most u_max^2.
+    """
+    inverter, star = study_here.drive.inverter, study_here.motor.star()
+    if inverter is None or study_here.drive.ideal:
+        return math.inf
+    u_max = inverter.bus_voltage / (1 if star.phases == 2 else math.sqrt(3))
+    omega_e = star.pole_pairs * abs(omega)
+    a = star.R_s**2 + (omega_e * star.L_q) ** 2
+    b, c = star.R_s * omega_e * star.psi_f, (omega_e * star.psi_f) ** 2 - u_max**2
+    return max(0.0, (math.sqrt(b * b - a * c) - b) / a) if b * b >= a * c else 0.0
+
+
 def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) -> float:
     """Time, s, after which a feedback asks a resting rotor for the current that starts it, at a reference of
     `omega`, rad/s; infinite if it never does.
@@ -124,6 +139,12 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
         sentence = f"its motion and load take {needs.mean:.3g} A, and {bound}"
     else:
         sentence = f"to turn evenly takes up to {needs.most:.3g} A, and {bound}"
+
+    voltage_current = carried(for_scenario(study, scenario), study.scenario[scenario].top_reference)
+    if drive.current_reference is None and needs.most > voltage_current and drive.inverter is not None:
+        return Remark(
+            f"{sentence}; the {drive.inverter.bus_voltage:.4g} V carry {voltage_current:.3g} A there"
+        )
 
     def cured(other: Study) -> bool:
         return needed(other, scenario).most <= _available(other, scenario)
