@@ -93,7 +93,7 @@ def check_utf8(path: Path, expected: str) -> None:
     """StudyError: a path isn't UTF-8, and so can't be written to results and reports."""
     if any("\ud800" <= character <= "\udfff" for character in str(path)):
         printable = str(path).encode(errors="backslashreplace").decode()
-        raise StudyError(f"{printable}: not UTF-8: expected {expected} whose name is")
+        raise StudyError(f"{printable}: not UTF-8: expected {expected} with a name in UTF-8")
 
 
 @contextmanager

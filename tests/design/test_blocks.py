@@ -186,7 +186,7 @@ def test_the_answer_of_trials_that_are_certified() -> None:
         ({}, r"no, because in this scenario learning may leave 1\.07 times the error without learning$"),
         (
             {"drive.current_loop.current_limit": "0.5 A"},
-            r"no, because the motion needs an input of [\d.]+ at .+, and the limit is 0\.5$",
+            r"no, because at .+ the motion needs an input of [\d.]+, above the limit of 0\.5$",
         ),
     ],
 )

@@ -262,9 +262,8 @@ def test_a_zero_outside_the_unit_circle_is_named() -> None:
         learning_gain(loops, nominal, plant.relative_degree, start, 0.1)
     assert error.value.key == "q_filter"
     assert str(error.value).startswith(
-        "q_filter: no K_3 is stable along the trial: the plant has a zero at z = -4, not inside the "
-        "unit circle, and so "
-        "the error grows with any gain at frequencies above "
+        "q_filter: no K_3 makes every error fall from trial to trial: the plant has a zero at z = -4, not "
+        "inside the unit circle, and so the error grows with any gain at frequencies above "
     )
     assert str(error.value).endswith("expected a zero-phase low-pass filter on the learned signal")
 
@@ -304,7 +303,7 @@ def test_why_no_gain_is_stable_is_told(zeros: list[complex], reason: str) -> Non
     loop = Loop(A, np.eye(n)[:, :1], C)
     w = np.array([0.0, 0.25, 0.5, 1.0]) * np.pi
     told = _impossible(np.array([[1.0, 0.5, 0.1, 0.1], [1.0, 0.0, 0.2, -1.0]], complex), w, loop)
-    assert told.startswith(f"q_filter: no K_3 is stable along the trial: {reason}")
+    assert told.startswith(f"q_filter: no K_3 makes every error fall from trial to trial: {reason}")
     assert " at frequencies above 0.25 of half the sampling rate; expected a zero-phase low-pass" in told
     if len(zeros) > 1 and np.imag(zeros[0]):
         assert "z = 1+0.5j, not" in told or "z = 1-0.5j, not" in told

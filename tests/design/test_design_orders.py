@@ -160,7 +160,7 @@ def test_where_nothing_is_learned_is_told() -> None:
     some = OrderLoop(at("10 rev/s", {"orders": [249, 251]}), "pi-afc", 10 * math.tau, scenario="s")
     assert some.orders.tolist() == [249] and some.frozen is None
     late = at("1 rev/s", {"learning_start": "9 s"})
-    assert foreseen(late, "s", "pi-afc") == "learning_start is 9 s, the run ends at 5 s"
+    assert foreseen(late, "s", "pi-afc") == "learning_start is 9 s, but the run ends at 5 s"
     assert foreseen(at("1 rev/s", {}, 0.2), "s", "pi-afc") is None  # it needs no whole revolution
 
 

@@ -150,8 +150,8 @@ def test_infeasible_ranges_say_how_far_to_shrink_them() -> None:
         guaranteed_cost(scalar(0.1, 1.0), np.eye(1), 1.0, np.ones(1), False)
     message, _, share = str(error.value).removesuffix(" of their width").rpartition(" to ")
     assert message == (
-        "range: expected ranges that one gain and one Lyapunov matrix can control; none can at both "
-        "vertex 1 and vertex 2; some gain can if the ranges are shrunk"
+        "range: expected ranges that one gain and one Lyapunov matrix can control; no gain controls "
+        "both vertex 1 and vertex 2; one gain controls the ranges if they are shrunk"
     )
     assert share in ("59 %", "60 %", "61 %")
     assert error.value.key == "range"
@@ -264,7 +264,9 @@ def test_infeasible_ranges_of_four_parameters_are_told_soon() -> None:
     }  # fmt: skip
     plant = from_parameters(four_parameters, ranges, [1, 0, 0, 0], 2e-3)
     begin = time.process_time()
-    with pytest.raises(DesignError, match="some gain can if the ranges are shrunk to 1 % of their width"):
+    with pytest.raises(
+        DesignError, match="one gain controls the ranges if they are shrunk to 1 % of their width"
+    ):
         guaranteed_cost(plant, np.eye(5), 1.0, np.eye(5)[0], True)
     assert time.process_time() - begin < 4.0
 

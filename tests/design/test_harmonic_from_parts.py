@@ -478,7 +478,8 @@ def test_a_certificate_in_one_line() -> None:
     assert "; not judged at 10 rpm it snaps; at 200 rpm orders to 4" in some.words() and not some.fine
     assert (
         replace(FINE, speeds=()).words()
-        == "not judged: all references are too slow: even order 6 turns by less than 0.001 rad a sample"
+        == "not judged: all references are too slow: even the phase of order 6 turns by less than 0.001 rad "
+        "a sample"
     )
 
 

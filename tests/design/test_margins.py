@@ -177,7 +177,8 @@ def test_a_certificate_in_one_line() -> None:
     )
     assert (
         certificate(speeds=()).words()
-        == "not judged: all references are too slow: even order 48 turns by less than 0.001 rad a sample"
+        == "not judged: all references are too slow: even the phase of order 48 turns by less than 0.001 rad "
+        "a sample"
     )
     one = (Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(24,), rate=2.0, most=None),)
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))

@@ -88,8 +88,9 @@ def test_steps_that_beat_with_the_law_are_doubted_and_the_advised_rate_helps(tmp
     """AS5600 at 60 r/min: 4096 steps a second in a law of 4 kHz. Over 6 s learning leaves as much."""
     _, draft = drafts.written(tmp_path, drafts.request("gimbal", "generic", "as5600", speed=60))
     assert re.match(
-        r"not sure: at 60 rpm the position sensor's steps make [12]\.\d\d rpm of ripple while it learns, "
-        r"feedback alone 2\.\d\d rpm, since a law of 4000 Hz takes 4096 steps a second for motion at 96 Hz; "
+        r"not sure: at 60 rpm the position sensor's steps make [12]\.\d\d rpm of ripple while the law "
+        r"learns, and its feedback alone leaves 2\.\d\d rpm, since a law of 4000 Hz takes 4096 steps a "
+        r"second for motion at 96 Hz; "
         r"drive\.rates\.speed_loop = \"2500 Hz\" avoids that; a run shows it\. For small signals yes, ",
         answer(draft),
     )

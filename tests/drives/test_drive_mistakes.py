@@ -60,7 +60,10 @@ def test_a_log_or_configuration_of_another_drive_is_one_line(
         log, own = log_of(other, tmp_path), configurations[drive]
         code, _, err = cogless(capsys, "identify", log, "--drive", drive, "--drive-config", own, *out)
         assert (code, err.count("\n")) == (2, 1), err
-        assert err.startswith(f"{log}: {TITLES[other]}, ") and f"expected a log of {TITLES[drive]}" in err
+        assert (
+            err.startswith(f"{log}: by its first lines {TITLES[other]}, ")
+            and f"expected a log of {TITLES[drive]}" in err
+        )
         log, foreign = log_of(drive, tmp_path), configurations[other]
         code, _, err = cogless(capsys, "identify", log, "--drive-config", foreign, *out)
         assert (code, err.count("\n")) == (2, 1) and err.startswith(f"{foreign}: "), err

@@ -200,7 +200,7 @@ def test_files_that_do_not_fit_are_one_line(
             log,
             "--drive-config",
             new,
-        ): f"{new}: a configuration of firmware 0.6: expected that of the drive "
+        ): f"{new}: a configuration of firmware 0.6: expected the configuration of the drive "
         f"that recorded {log}, with firmware 0.5",
         (log,): f"{log}: a log of ODrive: expected --drive-config FILE, the JSON",
         (log, "--drive-config", config): f"{config}: axis0.motor.config.current_lim or",

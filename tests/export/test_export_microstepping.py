@@ -95,12 +95,17 @@ def test_the_self_test_has_a_turn_each_way_and_faults(tmp_path: Path) -> None:
     ("controller", "changes", "told"),
     [
         ("plain", {}, "none"),
-        ("table", {}, "for 0.8 A rms: at a current I it leaves about abs(I / 0.8 A - 1) of the ripple"),
+        (
+            "table",
+            {},
+            "for 0.8 A rms: at a current I (rms) the correction leaves about abs(I / 0.8 A - 1) of the "
+            "ripple",
+        ),
         (
             "table",
             {"controller.table.current": "1 A"},
-            "for 0.8 A rms: at a current I it leaves about abs(I / 0.8 A - 1) of the ripple; the correction "
-            "is for 0.8 A rms: at 1 A it leaves about 25% of the ripple",
+            "for 0.8 A rms: at a current I (rms) the correction leaves about abs(I / 0.8 A - 1) of the "
+            "ripple; the correction is for 0.8 A rms: at 1 A it leaves about 25% of the ripple",
         ),
         (
             "table",

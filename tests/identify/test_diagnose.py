@@ -267,7 +267,7 @@ def test_a_right_k_t_is_told_as_no_mistake(capsys):
     ("K_t", "says"),
     [
         ("0.09", "the file of columns has 0.09"),
-        ("0.113137", "has 0.1131; they differ by sqrt(2), the factor between rms and peak"),
+        ("0.113137", "has 0.1131; the values differ by sqrt(2), the factor between rms and peak"),
     ],
 )
 def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):

@@ -88,7 +88,7 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
     assert not isinstance(backwards, Advice)
     for value in (0.3 * math.sqrt(2), 0.3 / math.sqrt(2)):
         said = voltage._of_k_t(known, Value(value, 0.004))
-        assert said.endswith(f"; they differ by sqrt(2), the factor between rms and peak{ends}")
+        assert said.endswith(f"; the values differ by sqrt(2), the factor between rms and peak{ends}")
     assert voltage._of_r(known, Value(2.7, 0.13)) == [
         "The voltage says R = 2.7 +- 0.13 ohm, sqrt(2) times that of the file of columns (2): i_q is in "
         "rms amperes, which makes all torques sqrt(2) too small, or the winding is 105 K warmer; record i_a "

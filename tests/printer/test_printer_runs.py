@@ -114,10 +114,10 @@ def at_rest(lines: list[str]) -> list[str]:
     [
         (at_rest, "is not heard at 40 mm/s: expected"),
         (lambda lines: ["ok"], 'no run with "cogless-run" and "sample freq"'),
-        (without_backward, "no run backward: expected runs in both directions"),
+        (without_backward, "no backward run: expected runs in both directions"),
         (
             lambda lines: [x.replace("sample freq: 1", "sample freq: 0.1") for x in lines],
-            "expected the rate of its accelerometer",
+            "expected the accelerometer's rate in Hz",
         ),
         (lambda lines: [x.replace("sample freq: ", "sample freq: nan") for x in lines], "sample freq: nan"),
         (lambda lines: [x.replace("run x", "run y") for x in lines], "of motor y: expected motor x"),
@@ -202,12 +202,13 @@ def test_ramps_without_a_partner_or_a_direction_are_refused(
     axis_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     paths = rest_logs(tmp_path)
-    assert "no run backward" in identify(capsys, axis_file, paths[:2], "klipper")[2]
+    assert "no backward run" in identify(capsys, axis_file, paths[:2], "klipper")[2]
     alone = identify(capsys, axis_file, [paths[0]], "klipper")[2]
-    assert "has no partner: expected a second log, with probe in its name" in alone
+    assert "is without its second log: expected the same file name with probe" in alone
     other = tmp_path / "other.csv"
     other.write_text(paths[0].read_text())
-    assert "the file's name tells no run" in identify(capsys, axis_file, [other], "klipper")[2]
+    unnamed = identify(capsys, axis_file, [other], "klipper")[2]
+    assert "the file's name does not say which run it holds" in unnamed
 
 
 @pytest.mark.parametrize(

@@ -305,7 +305,7 @@ def test_verdict_leads_with_the_whole_ripple(made):
     )
     assert "3.29 times less than the best without learning, PI re-tuned (5.17 rpm)" in details
     assert step.tone == "even"  # the winner there doesn't learn
-    assert "PI re-tuned doesn't learn; the best that does is PI-ILC" in " ".join(step.details)
+    assert "PI re-tuned doesn't learn; the best that learns is PI-ILC" in " ".join(step.details)
     assert "In settling, PI as published and PI re-tuned never settled." in step.details
 
 

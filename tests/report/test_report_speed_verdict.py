@@ -282,7 +282,10 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
             {"pi": 3, "fair": 2, "ilc": 1},
             f"{ILC} has 2.00 times less than the best without learning, {FAIR} (2.00 rpm).",
         ),
-        ({"pi": 3, "fair": 1, "ilc": 2}, f"{FAIR} doesn't learn; the best that does is {ILC} with 2.00 rpm."),
+        (
+            {"pi": 3, "fair": 1, "ilc": 2},
+            f"{FAIR} doesn't learn; the best that learns is {ILC} with 2.00 rpm.",
+        ),
         ({"pi": 3, "fair": 1, "ilc": 1.04}, ""),  # they tie
         ({"pi": 1, "fair": 2, "ilc": 3}, ""),
         ({"pi": 2, "fair": 3, "ilc": 1}, ""),  # the headline has the baseline

@@ -63,15 +63,19 @@ def test_the_best_is_the_quickest_in_its_slowest_phase(of, counts, rms, first):
 @pytest.mark.parametrize(
     ("counts", "said", "short"),
     [
-        ([1, 1, 1], "in the first trial after every change", "takes up to 1"),
-        ([2, 3, 1], "within 3 trials after every change", "takes up to 3"),
-        ([3, 3, 1], "within 3 trials after every change", "takes up to 3"),
-        ([4, 3, 1], "within 4 trials of the start and within 3 trials after every change", "takes up to 4"),
+        ([1, 1, 1], "in the first trial after every change", "takes up to 1 trial"),
+        ([2, 3, 1], "within 3 trials after every change", "takes up to 3 trials"),
+        ([3, 3, 1], "within 3 trials after every change", "takes up to 3 trials"),
+        (
+            [4, 3, 1],
+            "within 4 trials of the start and within 3 trials after every change",
+            "takes up to 4 trials",
+        ),
         ([2, inf, inf], f"in 1 of 3 phases, but never {LOAD} and {SECOND}", "never is after a change"),
         ([inf, 2, 2], f"in 2 of 3 phases, but never {START}", f"in 2 of 3 phases, but never {START}"),
         ([inf, inf, inf], "never is", "never is"),
-        ([4], "within 4 trials", "takes 4"),
-        ([1], "in the first trial", "takes 1"),
+        ([4], "within 4 trials", "takes 4 trials"),
+        ([1], "in the first trial", "takes 1 trial"),
     ],
 )
 def test_how_soon_the_floor_is_reached(of, counts, said, short):
@@ -82,8 +86,8 @@ def test_how_soon_the_floor_is_reached(of, counts, said, short):
 @pytest.mark.parametrize(
     ("mine", "best", "said", "where"),
     [
-        ([5, 20, 9], [3, 3, 8], f"takes 20 {LOAD}, against 3", 1),
-        ([9, 20, 9], [3, 19, 8], f"takes 9 {START}, against 3", 0),  # where most differ
+        ([5, 20, 9], [3, 3, 8], f"takes 20 trials {LOAD}, against 3", 1),
+        ([9, 20, 9], [3, 19, 8], f"takes 9 trials {START}, against 3", 0),  # where most differ
         ([3, 2, 3], [3, 3, 3], "", None),
         ([inf, 2, inf], [3, 3, 3], f"never reaches the floor {START} and {SECOND}", 0),
         ([inf, inf, 2], [inf, 3, 3], f"never reaches the floor {LOAD}, where {ILC} does", 1),
@@ -98,10 +102,14 @@ def test_how_much_slower_another_is(of, mine, best, said, where):
 @pytest.mark.parametrize(
     ("mine", "rms", "said"),
     [
-        ([3, 5], 3.0, f"{INPUT} takes 5 {LOAD}, against 3; its first trial there is 1.50 times worse"),
-        ([5, 3], 3.0, f"{INPUT} takes 5 {START}, against 3; its first trial {LOAD} is 1.50 times worse"),
+        ([3, 5], 3.0, f"{INPUT} takes 5 trials {LOAD}, against 3; its first trial there is 1.50 times worse"),
+        (
+            [5, 3],
+            3.0,
+            f"{INPUT} takes 5 trials {START}, against 3; its first trial {LOAD} is 1.50 times worse",
+        ),
         ([3, 3], 3.0, f"With {INPUT} the first trial {LOAD} is 1.50 times worse"),
-        ([3, 5], 2.9, f"{INPUT} takes 5 {LOAD}, against 3."),
+        ([3, 5], 2.9, f"{INPUT} takes 5 trials {LOAD}, against 3."),
         ([3, 3], 2.9, ""),
     ],
 )

@@ -121,8 +121,8 @@ def test_verdict_names_the_quickest_and_where_the_others_are_behind(made):
     )
     details = " ".join(verdict.details)
     assert (
-        "ILC into the input takes 17 after the load change (trial 21), against 3; its first trial there is "
-        f"4.98 times worse than with {ILC} (30.0 mrad against 6.02 mrad)." in details
+        "ILC into the input takes 17 trials after the load change (trial 21), against 3; its first trial "
+        f"there is 4.98 times worse than with {ILC} (30.0 mrad against 6.02 mrad)." in details
     )
     assert (
         f"In the last phase {ILC} leaves 0.500 mrad RMS, 10.0 times less than no learning (5.00 mrad)."
@@ -142,9 +142,9 @@ def test_a_first_trial_is_told_only_where_it_is_clearly_worse_and_learned(study)
         rms[20] *= times
         return alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
 
-    assert input_with(1.4) == "ILC into the input takes 4 from the start, against 3."
+    assert input_with(1.4) == "ILC into the input takes 4 trials from the start, against 3."
     assert input_with(1.6) == (
-        "ILC into the input takes 4 from the start, against 3; its first trial after the load change "
+        "ILC into the input takes 4 trials from the start, against 3; its first trial after the load change "
         f"(trial 21) is 1.60 times worse than with {ILC} (4.87 mrad against 3.04 mrad)."
     )
     details = alone(study, {"ilc": falls(3.0), "none": 2 * STAYS}).details
@@ -256,7 +256,7 @@ def test_verdict_when_the_baseline_is_the_best(study):
     assert verdict.tone == "worse"
     assert verdict.headline == (
         f"No controller beats no learning: it is at {FLOOR} within 3 trials after every change; "
-        f"the next, {ILC}, takes up to 7."
+        f"the next, {ILC}, takes up to 7 trials."
     )
 
 
@@ -356,7 +356,7 @@ def test_verdict_tells_what_the_certificate_says(made):
     expected = f"{ILC} is not certified: at 12.0 Hz the error may grow by the factor 1.70"
     assert any(d.startswith(expected) for d in details)
     details = verdicts(certified(made, "ilc", radius=1.1, stable=False, worst="vertex 2"))[0].details
-    assert any("along the trial the loop is unstable for vertex 2 (largest pole 1.10" in d for d in details)
+    assert any("within a trial the loop is unstable for vertex 2 (largest pole 1.10" in d for d in details)
 
 
 @pytest.mark.parametrize(

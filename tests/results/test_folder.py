@@ -227,11 +227,11 @@ def test_names_that_are_not_utf_8_are_told_before_the_runs(
     monkeypatch.setattr("cogless.run.simulate.run_study", lambda *_, **__: pytest.fail("it ran"))
     study, name = studies.write(tmp_path), os.fsdecode(b"b\xff")
     code, said, err = cogless(capsys, "run", study, "-o", tmp_path / name)
-    expected = "not UTF-8: expected a directory whose name is"
+    expected = "not UTF-8: expected a directory with a name in UTF-8"
     assert (code, said, err) == (2, "", f"{tmp_path}/b\\udcff: {expected}\n")
     other = study.rename(tmp_path / f"{name}.toml")
     code, said, err = cogless(capsys, "run", other, "-o", tmp_path / "out")
-    expected = "not UTF-8: expected a study file whose name is"
+    expected = "not UTF-8: expected a study file with a name in UTF-8"
     assert (code, said, err) == (2, "", f"{tmp_path}/b\\udcff.toml: {expected}\n")
     assert sorted(os.listdir(tmp_path)) == [f"{name}.toml"]
 

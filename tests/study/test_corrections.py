@@ -161,7 +161,7 @@ def test_a_torque_constant_of_block_commutation_is_to_be_deleted(
     magnet = 'psi_f = "68 mWb"'
     both = studies.BASE.replace(magnet, f'K_t = "0.408 N*m/A"\n{word} = "{text}"')
     why = (
-        "K_t = 1/kv holds for block commutation, with sinusoidal currents K_t is sqrt(3)/2 of that: "
+        "K_t = 1/kv holds for block commutation, but with sinusoidal currents K_t is sqrt(3)/2 of 1/kv: "
         "delete K_t"
     )
     path = studies.write(tmp_path, both)

@@ -287,6 +287,6 @@ def test_a_table_that_disagrees_with_the_torque_constant(tmp_path: Path) -> None
     """The speed is given in electrical, not mechanical, or rms for peak: the factor is named."""
     of = table(tmp_path, lambda theta: phase_voltage(theta) / math.sqrt(2), *VOLTS)
     emf = {**of, **EMF, "between": "phase"}
-    with pytest.raises(ValueError, match=r"within 5%; they differ by sqrt\(2\), the factor between rms"):
+    with pytest.raises(ValueError, match=r"within 5%; the values differ by sqrt\(2\), the factor between"):
         star(emf, "back_emf_table", K_t="0.3 N*m/A")
     assert star({**emf, "speed": "7.0711 rad/s"}, "back_emf_table", K_t="0.3 N*m/A").K_t == 0.3

@@ -226,7 +226,7 @@ def test_a_motor_s_temperatures_reach_the_engine_with_or_without_heating() -> No
 )  # fmt: skip
 def test_a_factor_by_which_datasheets_are_misread_is_named(times: float, name: str) -> None:
     found = mixed_up(times, 0.03)
-    assert found.partition(", the factor")[0] == (f"; they differ by {name}" if name else "")
+    assert found.partition(", the factor")[0] == (f"; the values differ by {name}" if name else "")
 
 
 def test_words_of_a_datasheet_for_one_magnet() -> None:

@@ -112,8 +112,8 @@ def test_a_law_elsewhere_is_not_exported_with_the_drive(tmp_path: Path, changes:
     with pytest.raises(StudyError) as error:
         prepare_whole(study, "low", "pi")
     assert str(error.value).endswith(
-        "study.toml: drive.bus: the law runs at the other end of the field bus: expected no drive.bus, to "
-        "export law and drive as one"
+        "study.toml: drive.bus: the law runs apart from the drive, across the field bus: expected no "
+        "drive.bus, to export law and drive as one"
     )
 
 

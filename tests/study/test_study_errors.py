@@ -601,7 +601,9 @@ INDUCTANCE = 'L_d = "30 mH"\nL_q = "30 mH"'
 
 TABLE = '{ file = "emf.csv", frame = "electrical", between = "phase", speed = "10 rad/s" }'
 SATURATION = '{ q = { current = ["0 A", "1 A", "2 A"], inductance = ["30 mH", "30 mH", "20 mH"] } }'
-PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line, or poles and pole pairs"
+PHASE_OR_LINES = (
+    "; the values differ by 2, the factor between phase and line to line, or poles and pole pairs"
+)
 
 
 @pytest.mark.parametrize(
@@ -639,8 +641,8 @@ def test_words_of_a_datasheet(tmp_path: Path, before: str, after: str, line: str
 @pytest.mark.parametrize(
     ("kv", "why"),
     [
-        ("14.33 rpm/V", "; they differ by sqrt(2), the factor between rms and peak"),
-        ("35.11 rpm/V", "; they differ by sqrt(3), the factor between phase and line to line"),
+        ("14.33 rpm/V", "; the values differ by sqrt(2), the factor between rms and peak"),
+        ("35.11 rpm/V", "; the values differ by sqrt(3), the factor between phase and line to line"),
         ("27 rpm/V", ", not to differ by a factor of 1.33"),
     ],
 )
@@ -862,7 +864,7 @@ def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: 
     path.write_text("[plant.a]\n[law.b]\n")
     with pytest.raises(StudyError) as error:
         load(path)
-    assert str(error.value) == f"{path}: an arena: expected a study; cogless run takes both"
+    assert str(error.value) == f"{path}: an arena: expected a study; cogless run takes an arena, too"
 
     def refused(*_: Any, **__: Any) -> str:
         raise PermissionError(13, "Permission denied")

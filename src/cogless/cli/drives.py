@@ -113,10 +113,10 @@ def table(
             "--study": study,
             "--encoder": encoder or None,
         }
-        other = next((name for name, value in options.items() if value is not None), None)
-        if other is not None:
+        option = next((name for name, value in options.items() if value is not None), None)
+        if option is not None:
             raise StudyError(
-                f"{other}: expected none with --to {to}, whose table is over the electrical angle"
+                f"{option}: expected none with --to {to}, whose table is over the electrical angle"
             )
         write_correction(adapter, source, current, output)
         return

@@ -50,7 +50,7 @@ def sweep(
     ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Run variants of a study, drawn as its vary table says, and show how the metrics spread and why.
+    """Run variants of a study, drawn as the study's vary table says, and show how the metrics spread and why.
 
     Writes sweep.parquet, a row for each run, and report.html. The same command goes on
     where it stopped; a larger -n adds variants.

@@ -163,9 +163,9 @@ def map_(
         ),
     ] = None,
 ) -> None:
-    """Show learned maps as firmware stores them: of which motor, with what, or why they are not valid.
+    """Show learned maps as firmware stores them: each map's motor and content, or why it is not valid.
 
-    The newest map is the one that firmware would load. Exit 2 if none is valid.
+    The newest map is the one that firmware would load. Exit code 2 if no map is valid.
     """
     from cogless.maps import stored_map
     from cogless.maps.stored_map import identity, map_lines, to_csv

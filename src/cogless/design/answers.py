@@ -177,9 +177,11 @@ def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
         beyond = np.flatnonzero((factors < least) | (factors > most))
         if len(beyond):
             order, factor = int(orders[beyond[0]]), factors[beyond[0]]
-            emf = f"at {speed_text(study, speed.omega_m)} the motor's back-EMF changes the response to"
-            sure = f"convergence is sure from {least:g} to {most:g}"
-            return f"{emf} a current at order {order} by the factor {factor:.2g}; {sure}"
+            return (
+                f"at {speed_text(study, speed.omega_m)} the motor's back-EMF changes the response to a "
+                f"current at order {order} by the factor {factor:.2g}; convergence is sure for factors from "
+                f"{least:g} to {most:g}"
+            )
     return ""
 
 
@@ -230,16 +232,21 @@ def _too_coarse(study: Study, coarse: Remaining) -> str:
     """Why learning may do harm with a coarse sensor, as a clause."""
     at = f"at {speed_text(study, coarse.omega_m)}"
     if coarse.few_counts:
-        few = f"{at} {coarse.counts:.2g} counts come in a speed sample"
-        return f"{few}, so it may take the position sensor's steps for motion"
+        return (
+            f"{at} {coarse.counts:.2g} counts come in a speed sample, so the law may take the position "
+            "sensor's steps for motion"
+        )
     steps, alone = (speed_text(study, size, 3) for size in (coarse.steps_learning, coarse.alone))
     ripple = (
-        f"{at} the position sensor's steps make {steps} of ripple while it learns, feedback alone {alone}"
+        f"{at} the position sensor's steps make {steps} of ripple while the law learns, and its feedback "
+        f"alone leaves {alone}"
     )
     if coarse.beat is None:
         return ripple
-    counts = f"{coarse.counts * coarse.law_rate:.0f} steps a second for motion at {coarse.beat:.0f} Hz"
-    return f"{ripple}, since a law of {coarse.law_rate:.0f} Hz takes {counts}"
+    return (
+        f"{ripple}, since a law of {coarse.law_rate:.0f} Hz takes {coarse.counts * coarse.law_rate:.0f} "
+        f"steps a second for motion at {coarse.beat:.0f} Hz"
+    )
 
 
 def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str:

@@ -102,10 +102,12 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
     sizes, stops = f"{swinging.size:.2g}", "stops and snaps"
     if swinging.least < STOPPING_RIPPLE:  # the back-EMF decides
         sizes, stops = f"{swinging.least:.2g} to {sizes}", "may stop and snap"
-    leaves = f"at {speed_text(study, omega_m)} the feedback leaves {sizes} times the speed as ripple"
-    swings = f"whose detents swing the rotor at {swinging.rate / math.tau:.3g} Hz"
     around = f" (crossover {crossover / math.tau:.3g} Hz)" if math.isfinite(crossover) else ""
-    return f"{leaves}, most of it by order {swinging.order}, {swings}{around}: the rotor {stops}"
+    return (
+        f"at {speed_text(study, omega_m)} the feedback leaves {sizes} times the speed as ripple, most of it "
+        f"by order {swinging.order}, whose detents swing the rotor at {swinging.rate / math.tau:.3g} Hz"
+        f"{around}: the rotor {stops}"
+    )
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:

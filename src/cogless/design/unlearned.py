@@ -65,7 +65,7 @@ def starts_too_late(law: Memory, end: float) -> str | None:
     """The message that learning starts only after the run's `end`, s; None if it starts before."""
     if law.learning_start < end:
         return None
-    return f"learning_start is {law.learning_start:.3g} s, the run ends at {end:.3g} s"
+    return f"learning_start is {law.learning_start:.3g} s, but the run ends at {end:.3g} s"
 
 
 def never(study: Study, scenario: str, name: str) -> str | None:
@@ -96,9 +96,9 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     speed = float(np.max(np.abs(omega_ref), initial=0.0))
     constant = speed > 0 and float(np.ptp(omega_ref)) <= NO_STEP * speed
     if constant and share < FOLLOWING_SHARE * time * speed / period:
-        return f"the rotor turned by {share:.2g} of the law's period in {time:.3g} s"
+        return f"the rotor turned by {share:.2g} of the law's learning period in {time:.3g} s"
     whole = f" of {period / speed:.3g} s" if constant else ""
-    return f"{time:.3g} s are {share:.2g} of its period{whole}"
+    return f"{time:.3g} s are {share:.2g} of its learning period{whole}"
 
 
 WAVE_CELLS_LEAST, WAVE_CELLS_ENOUGH = 2.0, 10.0  # cells per wavelength of the highest order

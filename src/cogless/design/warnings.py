@@ -246,16 +246,16 @@ def _costs(edges: _Edges) -> str:
     """The effect of edges that come too rarely, in words."""
     if not edges.source.timed:
         return "the rotor coasts from count to count"
-    has, late = edges.margins.phase_margin, f"the measured speed is {1e3 * edges.late:.2g} ms late"
+    has, speed_is_late = edges.margins.phase_margin, f"the measured speed is {1e3 * edges.late:.2g} ms late"
     if edges.source.hall:
         remains = "none" if edges.spent else f"{math.degrees(edges.late_margins.phase_margin):.0f} deg"
-        return f"{late}, which leaves {remains} of the {math.degrees(has):.0f} deg of phase margin"
-    costs = f"{late}, which costs {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
+        return f"{speed_is_late}, which leaves {remains} of the {math.degrees(has):.0f} deg of phase margin"
+    late_costs = f"{speed_is_late}, which costs {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
     high = (
         "; where the rotor stops and goes the measured speed is too high, by 10 % if every other "
         "edge takes twice as long"
     )
-    return f"{costs} of the {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
+    return f"{late_costs} of the {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
 
 
 def reads_zero(study: Study, scenario: str) -> Remark | None:

@@ -146,7 +146,7 @@ def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
     if most > VESC_DEGREES_MOST or not np.any(entries):
         raise StudyError(
             f"{correction.source}: the encoder's error is up to {most:.2g} deg electrical: expected 0.5 to "
-            f"{VESC_DEGREES_MOST}, since VESC holds whole degrees"
+            f"{VESC_DEGREES_MOST} deg, since VESC holds whole degrees"
         )
 
     def applied(angle: Array) -> Array:

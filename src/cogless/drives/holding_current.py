@@ -173,7 +173,7 @@ def from_stored_map(path: Path) -> HoldingCurrent:
     except stored_map.MapError:
         raise StudyError(
             f"{path}: no stored map: expected a stored map, a folder of cogless identify, or --from "
-            "DRIVE, the drive whose table it is"
+            "DRIVE for the table of a drive"
         ) from None
     newest = stored_map.newest(places)
     if newest is None:

@@ -56,7 +56,8 @@ def write_ax8000(current: HoldingCurrent, frame: TableFrame) -> TableText:
     chosen = sorted(sorted(able, key=lambda order: -abs(waves[order]))[:AX8000_WAVES])
     if not chosen:
         raise StudyError(
-            f"{current.source}: no order up to {AX8000_ORDER_MOST}, the highest of AX8000: expected one"
+            f"{current.source}: all orders are above {AX8000_ORDER_MOST}, the highest of AX8000: "
+            "expected a lower order"
         )
     torques = {order: float(np.float32(current.K_t * abs(waves[order]))) for order in chosen}
     phases = {order: float(np.float32(np.degrees(np.angle(waves[order])) % 360)) for order in chosen}

@@ -83,11 +83,11 @@ def read_runs(paths: Sequence[Path], axis: Axis) -> dict[tuple[Direction, int], 
         name = RUN_NAME.search(path.name)
         if name is None:
             raise StudyError(
-                f"{path}: the file's name tells no run: expected a name with "
-                f"cogless-{axis.motor}-forward-plain-1, as --plan makes it"
+                f"{path}: the file's name does not say which run it holds: expected a name with "
+                f"cogless-{axis.motor}-forward-plain-1, as --plan writes it"
             )
         if name[1] != axis.motor:
-            raise StudyError(f"{path}: a run of motor {name[1]}: expected one of motor {axis.motor}")
+            raise StudyError(f"{path}: a run of motor {name[1]}: expected a run of motor {axis.motor}")
         times, acceleration = read_samples(path, axis.direction)
         direction: Direction = "forward" if name[2] == "forward" else "backward"
         correction = probe() if name[3] == "probe" else {}
@@ -105,16 +105,16 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
         pairs = [pair for (name, _), pair in sorted(runs.items()) if name == direction]
         if not pairs:
             raise StudyError(
-                f"{paths[0].parent}: no run {direction}: expected runs in both directions, since "
-                "friction makes their corrections differ"
+                f"{paths[0].parent}: no {direction} run: expected runs in both directions, since "
+                "friction makes the corrections of the two directions differ"
             )
         for pair in pairs:
             lacking = next((kind for kind in ("plain", "probe") if kind not in pair), None)
             if lacking is not None:
                 other = next(iter(pair.values())).name
                 raise StudyError(
-                    f"{paths[0].parent}: {other} has no partner: expected a second log, with {lacking} in "
-                    "its name"
+                    f"{paths[0].parent}: {other} is without its second log: expected the same file name "
+                    f"with {lacking}"
                 )
         chosen[direction] = pairs
     for direction, pairs in chosen.items():

@@ -109,8 +109,10 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         )
     directions = {frame.direction for frame in frames if frame.zero}
     if len(directions) > 1:
-        expected = "expected logs made with one configuration of the drive"
-        raise StudyError(f"{paths[0]}: the encoder counts backward in some logs only: {expected}")
+        raise StudyError(
+            f"{paths[0]}: the encoder counts backward in some logs only: expected logs made with one "
+            "configuration of the drive"
+        )
     without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
     if without is not None and directions:
         raise StudyError(

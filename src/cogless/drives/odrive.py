@@ -208,8 +208,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         release = _firmware(read(path, [])[0].headings)
         if settings.firmware not in ("", release):
             raise StudyError(
-                f"{configuration}: a configuration of firmware {settings.firmware}: expected that of the "
-                f"drive that recorded {path}, with firmware {release}"
+                f"{configuration}: a configuration of firmware {settings.firmware}: expected the "
+                f"configuration of the drive that recorded {path}, with firmware {release}"
             )
     kind = "table-on" if settings.map_on else ""
     recordings = [replace(recording, kind=kind) for recording, *_ in captures]

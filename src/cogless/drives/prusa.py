@@ -131,10 +131,13 @@ def _run(
     except ValueError:
         rate = math.nan
     if not 100 < rate < 1e5:
-        raise StudyError(f"{where}: sample freq: {rate_text}: expected the rate of its accelerometer, Hz")
+        raise StudyError(
+            f"{where}: sample freq: {rate_text}: expected the accelerometer's rate in Hz, above 100 and "
+            "below 100000"
+        )
     if len(samples) < RUN_SAMPLES_LEAST:
         raise StudyError(
-            f"{where}: {len(samples)} samples: expected {RUN_SAMPLES_LEAST} or more, a longer travel"
+            f"{where}: {len(samples)} samples: expected {RUN_SAMPLES_LEAST} or more, so a longer travel"
         )
     table = np.array(samples)
     for k, name in enumerate("xy"):
@@ -163,8 +166,8 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
     for direction, records in runs.items():
         if not records:
             raise StudyError(
-                f"{paths[0]}: no run {direction}: expected runs in both directions, since friction makes "
-                "their corrections differ"
+                f"{paths[0]}: no {direction} run: expected runs in both directions, since friction makes "
+                "the corrections of the two directions differ"
             )
         for record in records:
             check_speed(axis, record.speed, axis.resonances, str(paths[0]))
@@ -191,13 +194,13 @@ def _checked_share(correction: Correction) -> tuple[float, float]:
         orders = correction.orders(direction)
         if max(orders) >= TABLE_ORDERS:
             raise StudyError(
-                f"order {max(orders)}: expected orders below {TABLE_ORDERS}, the only ones of the firmware"
+                f"order {max(orders)}: expected orders below {TABLE_ORDERS}, as the firmware's table has"
             )
         shift = phase_shift(orders, u)
         most = float(np.max(np.abs(shift)))
         if most > PHASE_MOST:
             raise StudyError(
-                f"the correction {direction} reaches {most:.3f} rad: expected {PHASE_MOST:.3f} or less, "
+                f"the {direction} correction reaches {most:.3f} rad: expected {PHASE_MOST:.3f} or less, "
                 "where the firmware's table wraps; look for a wrong step angle or a bad motor"
             )
         largest = max(largest, most)

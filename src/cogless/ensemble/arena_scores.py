@@ -270,8 +270,10 @@ def headline(results: ArenaResults) -> str:
     labels = " and ".join(map(scores.label, laws))
     count, verb = scores.met(laws[0]), "leaves" if len(laws) == 1 else "leave"
     plants = "one plant" if count == 1 else f"{count} plants, in the mean"
-    share = f"{score:.3g} times that of {scores.label(scores.bar)}"
-    return f"{labels} {verb} the least ripple: {share}, over {plants}."
+    return (
+        f"{labels} {verb} the least ripple: {score:.3g} times that of {scores.label(scores.bar)}, "
+        f"over {plants}."
+    )
 
 
 def table(results: ArenaResults) -> Table:

@@ -325,8 +325,10 @@ def merge(planned: Plan, folder: Path) -> Sweep:
         chunks = read(path, planned.for_shards(shard))
         expected_chunks = planned.part(shard)
         if not set(expected_chunks) <= set(chunks):
-            has = f"{len(chunks)} of {len(expected_chunks)} chunks"
-            raise StudyError(f"{path}: {has}: expected a finished shard; its own command goes on with it")
+            raise StudyError(
+                f"{path}: {len(chunks)} of {len(expected_chunks)} chunks: expected a finished shard; the "
+                "command that began this shard goes on with it"
+            )
         finished |= chunks
     return _gathered(planned, finished)
 

@@ -156,8 +156,8 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     prepared = prepare(study, scenario, controller)
     if prepared.has_bus:
         raise StudyError(
-            f"{study.source.path}: drive.bus: the law runs at the other end of the field bus: expected no "
-            "drive.bus, to export law and drive as one"
+            f"{study.source.path}: drive.bus: the law runs apart from the drive, across the field bus: "
+            "expected no drive.bus, to export law and drive as one"
         )
     return prepared
 
@@ -172,7 +172,8 @@ def first_scenario(study: AnyStudy, controller: str, scenario: str | None = None
     if scenario is None:
         if not runs_in:
             raise StudyError(
-                f"{path}: controller.{controller}: runs in no scenario: expected one that has it"
+                f"{path}: controller.{controller}: runs in no scenario: expected a scenario with this "
+                "controller"
             )
         return runs_in[0]
     if scenario not in runs_in:

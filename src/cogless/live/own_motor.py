@@ -266,8 +266,8 @@ def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values:
                 raise _no_product(number, f": {mine!r} as a product, {x!r} by the design")
 
 
-def _no_product(number: Number, what: str) -> StudyError:
-    expected = "expected a product of powers of the motor's values"
+def _no_product(number: Number, found: str) -> StudyError:
     return StudyError(
-        f"--own-motor: {number.path}: {expected}{what}; cogless live takes the study without --own-motor"
+        f"--own-motor: {number.path}: expected a product of powers of the motor's values{found}; "
+        "cogless live takes the study without --own-motor"
     )

@@ -351,11 +351,11 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
     worst = max(ratios, key=lambda quantity: ratios[quantity], default="")
     if not worst or ratios[worst] <= HARMFUL_RATIO:
         return ""
-    much = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
+    compared = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
     if own is None:
-        return f"its ripple there is {much}, which has another feedback"
+        return f"its ripple there is {compared}, which has another feedback"
     why = DESIGNS[study.kind].likely_harm(study, controller)
-    return f"learning does harm here, {much}{f' ({why})' if why else ''}"
+    return f"learning does harm here, {compared}{f' ({why})' if why else ''}"
 
 
 def _own_feedback(study: StudyBase, controller: str, lines: Sequence[Line]) -> str | None:

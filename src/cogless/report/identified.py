@@ -58,7 +58,7 @@ def page_of(command: str, title: str, sections: Sequence[tuple[str, str]]) -> st
         "<body>"
         f'<header><p class="brand">cogless {command}</p><h1>{escape(title)}</h1></header>'
         f"<main>{body}</main><footer><p>Made by cogless {escape(versions()['cogless'])}. "
-        "Errors are at 95 %.</p></footer></body></html>\n"
+        "Errors are at 95 % confidence.</p></footer></body></html>\n"
     )
 
 

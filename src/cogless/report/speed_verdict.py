@@ -563,7 +563,8 @@ def _without_learning(case: _Case) -> str:
     if best == rival:
         nearest = learning[0]
         return (
-            f"{label(best)} doesn't learn; the best that does is {label(nearest)} with {line.text(nearest)}."
+            f"{label(best)} doesn't learn; the best that learns is {label(nearest)} with "
+            f"{line.text(nearest)}."
         )
     ratio = line.ratio(rival, best)
     if rival == case.baseline or ratio is None:

@@ -157,10 +157,10 @@ def _least_rms_sentence(c: Case, ranked: Sequence[str]) -> str:
 
 def _compared_words(c: Case, value: float, other: float, name: str) -> str:
     """A value compared with another controller's, such as "21.0 times less than PI (8.20 mrad)"."""
-    reference = f"{c.label(name)} ({c.text(other)})"
     if not math.isfinite(other):
-        return f"against {reference}"
-    return f"{than(value, other)} {'as' if same_size(value, other) else 'than'} {reference}"
+        return f"against {c.label(name)} ({c.text(other)})"
+    as_or_than = "as" if same_size(value, other) else "than"
+    return f"{than(value, other)} {as_or_than} {c.label(name)} ({c.text(other)})"
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
@@ -175,7 +175,7 @@ def _reach(c: Case, name: str, *, short: bool = False) -> str:
         return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {where}"
     most = max(counts)
     if short:
-        return f"takes {'up to ' if len(counts) > 1 else ''}{most:.0f}"
+        return f"takes {'up to ' if len(counts) > 1 else ''}{most:.0f} {'trial' if most == 1 else 'trials'}"
     if len(counts) == 1:
         return _trial_words(most)
     later = max(counts[1:])
@@ -228,7 +228,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
     if not behind:
         return "", None
     _, phase, n, m = max(behind, key=lambda entry: entry[0])
-    return f"takes {n:.0f} {phase.after}, against {m:.0f}", phase
+    return f"takes {n:.0f} trials {phase.after}, against {m:.0f}", phase
 
 
 def _against_the_baseline(c: Case, best: str) -> str:
@@ -361,7 +361,7 @@ def _certificates(c: Case) -> list[str]:
         learning = judged_model.learning
         if not judged_model.stable:
             reason = (
-                f"along the trial the loop is unstable for {judged_model.worst} "
+                f"within a trial the loop is unstable for {judged_model.worst} "
                 f"(largest pole {close_to_one(judged_model.radius)}; {model.words})"
             )
             uncertified.setdefault(reason, []).append(name)
@@ -427,12 +427,12 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
 def _growing(model: ModelCertificate, learning: Learning) -> str:
     """Why a certificate doesn't hold, in words."""
     if learning.norm > 1 + FACTOR_ROUNDING:
-        where, factor = f"at {number(learning.frequency)} Hz the error", learning.norm
+        where, factor = f"at {number(learning.frequency)} Hz", learning.norm
     elif model.growth is not None and model.growth > 1 + GROWTH_ROUNDING:
-        where, factor = "from the trial's ends the error", model.growth
+        where, factor = "from the trial's ends", model.growth
     else:
         return "Φ has a pole outside the unit circle"
-    return f"{where} may grow by the factor {close_to_one(factor)} from one trial to the next"
+    return f"{where} the error may grow by the factor {close_to_one(factor)} from one trial to the next"
 
 
 def _delay(c: Case) -> str:

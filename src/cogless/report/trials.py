@@ -250,8 +250,10 @@ def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
 
 
 def _check(check: Check) -> str:
-    passed = "checked" if check.passed else "CHECK FAILED"
-    return f"{passed}: cost at the worst vertex {number(check.cost)}, expected {number(check.bound)} or less"
+    return (
+        f"{'checked' if check.passed else 'CHECK FAILED'}: cost at the worst vertex {number(check.cost)}, "
+        f"expected {number(check.bound)} or less"
+    )
 
 
 def _list(values: NDArray[np.float64]) -> str:

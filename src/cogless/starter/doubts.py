@@ -59,11 +59,11 @@ def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: flo
     if low / UNLIKELY_FACTOR <= value <= high * UNLIKELY_FACTOR:
         return ""
     ratio = value / high if value > high else low / value
-    what = "times the largest" if value > high else "times below the smallest"
-    end = amount(high if value > high else low, dimension)
+    times_beyond = "times the largest" if value > high else "times below the smallest"
+    extreme = amount(high if value > high else low, dimension)
     meant = _meant(answer.text, dimension, low, high)
     return (
-        f'--{flag}: "{answer.text}": {digits(ratio, 2)} {what} usual value of such a motor, {end}'
+        f'--{flag}: "{answer.text}": {digits(ratio, 2)} {times_beyond} usual value of such a motor, {extreme}'
         f"{f'; perhaps you mean {meant}' if meant else ''}"
     )
 

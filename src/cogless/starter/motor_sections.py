@@ -143,16 +143,16 @@ def _layout(
 
 
 def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> str:
-    also = _alternatives([other // 2 for _, other in others], poles // 2)
+    other_pole_pairs = _alternatives([other // 2 for _, other in others], poles // 2)
     table = part.table["layouts"]
-    return f"guess: {also} is possible, too; {table.get('source') or table['guess']}"
+    return f"guess: {other_pole_pairs} is possible, too; {table.get('source') or table['guess']}"
 
 
 def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int, poles: int) -> str:
     if named.get("slots"):
         return f"guess: as in the shipped study of this motor; others that fit {poles} poles are possible"
-    also = _alternatives([other for other, _ in others], slots)
-    return f"guess: {also} is possible, too; a winding balanced with the poles, as most motors have"
+    other_slots = _alternatives([other for other, _ in others], slots)
+    return f"guess: {other_slots} is possible, too; the winding is balanced with the poles, as in most motors"
 
 
 def _alternatives(numbers: list[int], chosen: int) -> str:

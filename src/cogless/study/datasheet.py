@@ -306,8 +306,8 @@ def _block_commutated(by_word: Mapping[str, float], first: str, other: str) -> s
     if abs(by_word["K_t"] / by_word[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > FACTOR_TOLERANCE:
         return ""
     return (
-        "; K_t = 1/kv holds for block commutation, with sinusoidal currents K_t is sqrt(3)/2 of that: "
-        "delete K_t"
+        "; K_t = 1/kv holds for block commutation, but with sinusoidal currents K_t is sqrt(3)/2 of "
+        "1/kv: delete K_t"
     )
 
 
@@ -321,4 +321,4 @@ def mixed_up(times: float, near: float) -> str:
     factor, name, mixed = min(MIXED_UP, key=lambda entry: abs(times / entry[0] - 1))
     if abs(times / factor - 1) > near:
         return ""
-    return f"; they differ by {name}, the factor between {mixed}"
+    return f"; the values differ by {name}, the factor between {mixed}"

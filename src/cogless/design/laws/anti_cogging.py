@@ -133,13 +133,13 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if share <= WORTHWHILE_SHARE:
         return None
     most = int(orders[np.argmax(remaining)])
-    why = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
+    run_does = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
     if added > np.max(remaining):
-        why = (
+        run_does = (
             f"records {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after it turned around, not "
             "yet settled"
         )
-    return f"{why}: the table leaves {share:.2g} of the ripple"
+    return f"{run_does}: the table leaves {share:.2g} of the ripple"
 
 
 class AntiCoggingRules(FeedbackRules[AntiCogging]):

@@ -264,7 +264,10 @@ class Certificate:
         if not self.speeds:
             highest = self.learner.base * self.learner.orders
             least = f"{ORDER_ANGLE_LEAST:g} rad a sample"
-            return f"not judged: all references are too slow: even order {highest} turns by less than {least}"
+            return (
+                f"not judged: all references are too slow: even the phase of order {highest} turns by less "
+                f"than {least}"
+            )
         if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
         phrases = [speed.words() for speed in self.speeds]

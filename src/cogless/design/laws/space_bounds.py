@@ -115,11 +115,11 @@ class Theorem:
         met = [c for c in self.conditions if math.isfinite(c.asks)]
         never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
         asked = ", ".join(condition.words(self.has) for condition in met)
-        words = f"{self.section}: {self.gain} = {self.has:.3g}"
-        words += (f" is {asked}" if met else "") + ("," if met and never else "")
-        words += f" no {self.gain} is enough for {_either(never)}" if never else ""
+        gain_compared = f"{self.section}: {self.gain} = {self.has:.3g}"
+        gain_compared += (f" is {asked}" if met else "") + ("," if met and never else "")
+        gain_compared += f" no {self.gain} is enough for {_either(never)}" if never else ""
         reasons = "".join(f"; {reason}" for reason in self.obstacles)
-        return f"{words}: {'the proof holds' if self.holds else 'not covered by the proof'}{reasons}"
+        return f"{gain_compared}: {'the proof holds' if self.holds else 'not covered by the proof'}{reasons}"
 
 
 def position_gains(study: Study, name: str) -> Gains:

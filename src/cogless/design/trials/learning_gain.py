@@ -196,9 +196,9 @@ def _impossible(G: Complex, w: Real, nominal: Loop) -> str:
     lowest = G.real.min(axis=0)
     at_first = float(w[lowest <= 0].min(initial=np.pi)) / np.pi
     return (
-        f"q_filter: no K_3 is stable along the trial: {reason} the error grows with any gain at "
-        f"frequencies above {at_first:.3g} of half the sampling rate; expected a zero-phase low-pass filter "
-        "on the learned signal"
+        f"q_filter: no K_3 makes every error fall from trial to trial: {reason} the error grows with any "
+        f"gain at frequencies above {at_first:.3g} of half the sampling rate; expected a zero-phase low-pass "
+        "filter on the learned signal"
     )
 
 

@@ -372,9 +372,9 @@ def _why(plant: UncertainPlant, models: Sequence[Model], T: Real, integral: bool
     message = "range: expected ranges that one gain and one Lyapunov matrix can control"
     pair = _hopeless_pair(models, T)
     if pair is not None:
-        message += f"; none can at both {plant.labels[pair[0]]} and {plant.labels[pair[1]]}"
+        message += f"; no gain controls both {plant.labels[pair[0]]} and {plant.labels[pair[1]]}"
     share = _feasible_share(plant, T, integral)
-    return f"{message}; some gain can if the ranges are shrunk to {100 * share:.0f} % of their width"
+    return f"{message}; one gain controls the ranges if they are shrunk to {100 * share:.0f} % of their width"
 
 
 def _hopeless_pair(models: Sequence[Model], T: Real) -> tuple[int, int] | None:

@@ -46,8 +46,10 @@ def _settles(design: TrialDesign) -> str:
     counts = prediction.trials_to_floor
     trials = ", ".join(f"more than {PHASE_TRIALS}" if count is None else f"{count}" for count in counts)
     phases = f" in the scenario's {len(counts)} phases" if len(counts) > 1 else ""
-    floor = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
-    return f"{answer}; the error is at its floor after {trials} trials{phases}, where {floor}"
+    return (
+        f"{answer}; the error is at its floor after {trials} trials{phases}, where at most "
+        f"{100 * prediction.share:.3g} % of the error without learning is left"
+    )
 
 
 def why_not(design: TrialDesign) -> str | None:
@@ -68,7 +70,7 @@ def why_not(design: TrialDesign) -> str | None:
         return "the scenario can't be predicted"
     if design.over_limit is not None:
         plant, most = design.over_limit
-        return f"the motion needs an input of {most:.4g} at {plant}, and the limit is {design.limit:.4g}"
+        return f"at {plant} the motion needs an input of {most:.4g}, above the limit of {design.limit:.4g}"
     return f"in this scenario learning may leave {prediction.share:.3g} times the error without learning"
 
 

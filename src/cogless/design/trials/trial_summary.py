@@ -388,9 +388,9 @@ def _in_scenario(design: TrialDesign, prediction: Prediction) -> tuple[str, ...]
 def _most_input(design: TrialDesign) -> str:
     """The largest input that the scenario needs, and the plant where that is above the limit."""
     assert design.prediction is not None
-    over = design.over_limit
-    if over is not None:
-        return f"{over[1]:.4g} at {over[0]}, above the limit of {design.limit:.4g}"
+    if design.over_limit is not None:
+        plant, most_input = design.over_limit
+        return f"{most_input:.4g} at {plant}, above the limit of {design.limit:.4g}"
     return f"{max(float(np.max(phase.peak)) for phase in design.prediction.phases):.4g}"
 
 

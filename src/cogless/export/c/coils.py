@@ -43,7 +43,10 @@ def _correction(law: Microstepping) -> str:
         return "for one current only, which the study does not state"
     wrong = wrong_current(own, law.current)
     now = f"; {wrong}" if wrong else ""
-    return f"for {own:.6g} A rms: at a current I it leaves about abs(I / {own:.6g} A - 1) of the ripple{now}"
+    return (
+        f"for {own:.6g} A rms: at a current I (rms) the correction leaves about abs(I / {own:.6g} A - 1) of "
+        f"the ripple{now}"
+    )
 
 
 def _test_periods(subject: Subject, prepared: Prepared, recording: Recording) -> list[str]:

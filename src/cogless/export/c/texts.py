@@ -99,9 +99,11 @@ def _speed(subject: Subject) -> str:
     then = (
         "" if frequency is None else f", then through a low-pass of {frequency:g} Hz (`cogless/low_pass.h`)"
     )
-    example = "`measure_motion` in the example calls it"
+    example = "`measure_motion` in the example calls this code"
     if isinstance(position, Hall):
-        return f"from Hall sensors, {simulated}: `cogless/hall.h` says what it measures{then}, {example}"
+        return (
+            f"from Hall sensors, {simulated}: `cogless/hall.h` says what this code measures{then}; {example}"
+        )
     if isinstance(position, Counted):
         kind = (
             f"{position.lines} lines, {position.counts} counts"
@@ -113,11 +115,11 @@ def _speed(subject: Subject) -> str:
         header = HEADERS[position.speed_method]
         corrected = subject.encoder_table_config is not None
         own = ", of the angle without the sensor's own error (`cogless/encoder_table.h`)" * corrected
-        says = f"`cogless/{header}` says what it measures{own}{then}, {example}"
+        says = f"`cogless/{header}` says what this code measures{own}{then}; {example}"
         return f"from {article} {name} of {kind}, {simulated}: {says}"
     return (
-        f"measured as in the study, by an ideal sensor{then}. The gains and `.speed_window` assume this, so "
-        "the gains allow for no delay of a real sensor"
+        f"measured as in the study, by an ideal sensor{then}. The gains and `.speed_window` assume an ideal "
+        "sensor, so the gains allow for no delay of a real sensor"
     )
 
 
