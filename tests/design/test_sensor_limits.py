@@ -91,7 +91,8 @@ def test_steps_that_beat_with_the_law_are_doubted_and_the_advised_rate_helps(tmp
         r"not sure: at 60 rpm the position sensor's steps make [12]\.\d\d rpm of ripple while the law "
         r"learns, and its feedback alone leaves 2\.\d\d rpm, since a law of 4000 Hz takes 4096 steps a "
         r"second for motion at 96 Hz; "
-        r"drive\.rates\.speed_loop = \"2500 Hz\" avoids that; a run shows it\. For small signals yes, ",
+        r"drive\.rates\.speed_loop = \"2500 Hz\" avoids that; runs with several seeds show it\. "
+        r"For small signals yes, ",
         answer(draft),
     )
     assert ratio(draft) > AS_MUCH

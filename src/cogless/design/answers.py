@@ -15,12 +15,11 @@ from cogless.design.changes import either, first
 from cogless.design.current_needed import noisy_voltage
 from cogless.design.gentler import other_law_rates
 from cogless.design.laws.harmonic import Certificate, certificate
-from cogless.design.laws.harmonic_transfer import BELIEF_FACTORS
 from cogless.design.margins import finite
 from cogless.design.sensor_limits import Remaining, remaining
 from cogless.design.settling import Settling, left_out, settling
-from cogless.design.speed_loop import speed_loop
-from cogless.design.summary import Design, current_loop_dict, design_dict, summary
+from cogless.design.speed_loop import BELIEF_FACTORS, speed_loop
+from cogless.design.summary import Design, current_loop_dict, design, design_dict, summary
 from cogless.design.verdict import Kind
 from cogless.study import Study
 from cogless.study.base import speed_text, spoken_unit
@@ -36,6 +35,7 @@ CLAUSES: dict[Kind, str] = {
     "may grow": "it may grow",
     "may be unstable": "it may be unstable",
 }
+SHOWN_BY_RUNS = "; runs with several seeds show it."
 AnswerVerdict = Literal["yes", "no", "not worth it", "not sure", "not judged"]
 
 
@@ -51,9 +51,20 @@ class Answer:
     cures: Sequence[Changes] = ()  # each of them makes it a yes
 
     @property
+    def doubt(self) -> str:
+        """Why it is not sure, as a clause; "" if it is sure."""
+        return self.reason.partition(SHOWN_BY_RUNS)[0] if self.verdict == "not sure" else ""
+
+    @property
     def reason(self) -> str:
         """The words after the verdict."""
         return self.words.removeprefix(self.verdict).lstrip(",:; ").removeprefix("because ")
+
+
+def doubt(study: Study, name: str) -> str:
+    """Why the design is not sure of a controller's learning, as a clause; "" if it is sure."""
+    answer_here = answer(study, name, design(study, name)) if study.controller[name].learns else None
+    return answer_here.doubt if answer_here is not None else ""
 
 
 def to_dict(study: Study) -> dict[str, Any]:
@@ -146,7 +157,7 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         at_speeds = remaining(study, name, certificate)
         doubt = _limited_voltage(study, name) or _heavier_than_certified(study, certificate)
         if doubt:
-            words = f"not sure: {doubt}; a run shows it. For small signals {settles}"
+            words = f"not sure: {doubt}{SHOWN_BY_RUNS} For small signals {settles}"
             return Answer("not sure", words, times, lacks, at_speeds)
         cures = _quieter_rates(study, name, at_speeds)
         return Answer(*_beside_sensor(study, at_speeds, settles, cures), times, lacks, at_speeds, cures)
@@ -224,8 +235,8 @@ def _beside_sensor(
     if coarse is None:
         return "yes", settles
     cured = f"; {either(cures)} avoids that" if cures else ""
-    doubt = f"{_too_coarse(study, coarse)}{cured}; a run shows it"
-    return "not sure", f"not sure: {doubt}. For small signals {settles}"
+    doubt = f"{_too_coarse(study, coarse)}{cured}"
+    return "not sure", f"not sure: {doubt}{SHOWN_BY_RUNS} For small signals {settles}"
 
 
 def _too_coarse(study: Study, coarse: Remaining) -> str:

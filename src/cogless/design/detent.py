@@ -29,9 +29,8 @@ import numpy as np
 
 from cogless.design.back_emf import response_factors, ripple_factors
 from cogless.design.closed_loop import Linear
-from cogless.design.laws.harmonic_transfer import BELIEF_FACTORS
 from cogless.design.ripple import orders, responses
-from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
+from cogless.design.speed_loop import BELIEF_FACTORS, SpeedLoop, gains, speed_loop
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 

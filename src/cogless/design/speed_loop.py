@@ -64,6 +64,8 @@ SLOWER_FACTORS = (*FASTER_FACTORS, 16.0, 32.0, 64.0)  # by which the gains of th
 LEAST_MARGIN = 20  # deg, that a rule takes
 RATE_SHARE = 0.05  # of the loop's rate: a bandwidth at which its delay of 1.5 periods costs 27 deg
 PHASE_MARGIN_LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
+# true value over the law's: of K_t, and of the inertia on the motor's side of a soft shaft
+BELIEF_FACTORS = (0.5, 1.0, 1.5)
 Tuned = TypeVar("Tuned")
 
 

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from cogless.design.kinds import DESIGNS
 from cogless.report.angle_charts import sentences as growing
 from cogless.report.angle_charts import worsened
 from cogless.report.comparison import (
@@ -350,9 +351,19 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
             cost = _costs(case)
             details += [_without_learning(case), _against_the_next(case), cost]
         details += [_rest(case), *_failures(case)]
-    details = [str(limited or ""), *details]
+    details = [str(limited or ""), *_doubts(case), *details]
     sentences = [sentence for sentence in details if sentence]
     return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost)
+
+
+def _doubts(case: _Case) -> list[str]:
+    """Sentences on winners whose next run may end otherwise, as their design says."""
+    of_winners = {c: DESIGNS["speed"].doubt(case.study, c) for c in case.winners if case.learns(c)}
+    return [
+        f"{case.label(c)} is not sure to learn again in another run, such as with --set seed=1: {doubt}."
+        for c, doubt in of_winners.items()
+        if doubt
+    ]
 
 
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:

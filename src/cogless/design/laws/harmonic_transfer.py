@@ -20,17 +20,12 @@ import numpy as np
 
 from cogless.design.closed_loop import Gains
 from cogless.design.margins import Complex, Real
-from cogless.design.speed_loop import SpeedLoop, pi_response
+from cogless.design.speed_loop import BELIEF_FACTORS, SpeedLoop, pi_response
 from cogless.study.laws.harmonic import HARMONIC_BANDS, ORDER_ANGLE_MOST, Learner
 
 POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample
 SLOW_ORDER_ANGLE = 0.5105  # rad/sample; up to this an order learns from z
 ORDER_ANGLE_LEAST = 1e-3  # rad a sample: the slowest order that is judged
-BELIEF_FACTORS = (
-    0.5,
-    1.0,
-    1.5,
-)  # true value over the law's: of K_t, and of the inertia on the motor's side of a soft shaft
 PHASE_COSINE_LEAST = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
 TRANSFER_POINTS = 2000  # frequencies at which that is judged
 
