@@ -116,7 +116,10 @@ def _dead_time(study: Study) -> Changes:
 
 def _switching(study: Study) -> Changes:
     inverter = study.drive.inverter
-    return {f"{INVERTER}.kind": "averaged"} if inverter and inverter.kind == "switched" else {}
+    if inverter is None or not inverter.switches:
+        return {}
+    changes = {f"{INVERTER}.kind": "averaged"}
+    return {**changes, "trace.rate": None} if study.rows_per_period > 1 else changes
 
 
 def _current_noise(study: Study) -> Changes:

@@ -283,6 +283,11 @@ class Inverter(Table):
     """Current-loop periods from sampling until the duty cycles act."""
 
     @property
+    def switches(self) -> bool:
+        """Whether there are pulses."""
+        return self.kind == "switched"
+
+    @property
     def edge_share(self) -> float:
         """Share of the current-loop periods in which a leg has an edge that costs it a dead time."""
         return 0.5 if self.pwm == "two-updates" else 1.0

@@ -21,7 +21,9 @@ OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals beside thos
 # Dimension of every signal that a run may have, recorded or derived; a linear plant's have no unit.
 SIGNAL_DIMENSIONS = {
     **dict.fromkeys(OF_LINEAR_PLANTS, units.NONE),
-    **dimensions(("electrical", "three_phases", "path", "thermal", "energy", "load_side"), C_LAWS),
+    **dimensions(
+        ("electrical", "three_phases", "within_periods", "path", "thermal", "energy", "load_side"), C_LAWS
+    ),
     **dimensions(("electrical", "three_phases", "thermal", "energy", "load_side", "trials", "trial_law"), ()),
 }
 

@@ -37,6 +37,7 @@ NEEDED = {
     "thermal": "expected another signal, or a table motor.temperature",
     "energy": "expected another signal, or trace.energy = true",
     "load_side": "expected another signal, or a table mechanics.load_side",
+    "within_periods": "expected another signal, or a trace.rate above drive.rates.current_loop",
     "path": "expected another signal, or a controller such as harmonic with position = true",
     "trial_law": OF_A_LAW,
 }
@@ -51,6 +52,7 @@ def kinds(study: Study | TrialStudy) -> set[str]:
         "thermal": isinstance(motor, Motor) and motor.temperature is not None,
         "energy": study.trace.energy,
         "load_side": study.mechanics is not None and study.mechanics.load_side is not None,
+        "within_periods": study.rows_per_period > 1,
         "path": any(law.uses_path for law in study.controller.values()),
         "trial_law": any(law.of_trials for law in study.controller.values()),
     }
