@@ -18,6 +18,9 @@ from scipy.special import jv
 from cogless import _simulator_f64
 from cogless.c_layout import control_layout
 from cogless.control_library import Status
+from cogless.results.metrics import evaluate
+from cogless.results.trace import Trace
+from cogless.study.metric import Conditions, Metric
 
 PWM = ("centre", "edge", "two-updates")
 SWITCHED: dict[str, Any] = {"drive": {"inverter": {"kind": "switched"}}}
@@ -138,7 +141,7 @@ def leg_line(pwm: str, m: int, n: int) -> complex:
     return complex(BUS * bracket / (2j * math.pi * q))
 
 
-def lines(pwm: str, highest: int = 4) -> dict[int, complex]:
+def lines(pwm: str, highest: int = 10) -> dict[int, complex]:
     """The voltage vector's spectrum, V, over bins: of three legs on one carrier, n = 1, 4, -2, ... remain."""
     near = range(1 - PERIODS // 2, PERIODS // 2 + 1)
     return {
@@ -199,6 +202,17 @@ def test_spectra_of_voltage_current_and_torque_are_the_double_fourier_series(pwm
     compare(np.abs(spectrum(vector(x["u_a"], x["u_b"], x["u_c"]))), lengths, 0.01)
     compare(spectrum(vector(x["i_a"], x["i_b"], x["i_c"])), current, 1e-4)
     compare(spectrum(x["tau_e"]), torque, 1e-4)
+    about_the_mean = [abs(line) * (1 - np.sinc(k / PERIODS)) for k, line in torque.items()]
+    assert switching_ripple(x["tau_e"]) == pytest.approx(math.hypot(*about_the_mean), rel=1e-3)
+
+
+def switching_ripple(turn: NDArray[np.float64]) -> Any:
+    """The metric over all rows of a turn: at its end half a period of the PWM at both sides doesn't count."""
+    around = len(turn) // PERIODS // 2
+    x = np.pad(turn, around, "wrap")
+    trace = Trace(("time", "tau_e"), ("s", "N*m"), np.column_stack([np.arange(len(x)) / 1000, x]))
+    metric = Metric.model_validate({"name": "ripple", "kind": "switching-ripple", "signal": "tau_e"})
+    return evaluate(metric, trace, Conditions(pwm_period=len(turn) / PERIODS / 1000))
 
 
 def omega(pwm: str) -> float:

@@ -675,6 +675,32 @@ def test_voltages_need_rows_between_the_samples(tmp_path: Path) -> None:
     assert studies.study(tmp_path, {**change, "trace.rate": "30 kHz"}).rows_per_period == 2
 
 
+def test_the_ripple_of_switching_needs_pulses_and_rows_that_show_them(tmp_path: Path) -> None:
+    change = {"metric": [{"name": "m", "kind": "switching-ripple", "signal": "tau_e", "scenarios": ["low"]}]}
+    kind = 'study.toml: metric.0.kind: "switching-ripple": expected another kind, '
+    assert line_of(tmp_path, change) == f"{kind}since the inverter is averaged"
+    switched = {**change, "drive.inverter.kind": "switched"}
+    least = "or a trace.rate of 240000 Hz or more, 16 rows in a period of the PWM"
+    for rate in ("15 kHz", "225 kHz"):
+        assert line_of(tmp_path, {**switched, "trace.rate": rate}) == f"{kind}{least}"
+    fine = {**switched, "trace.rate": "240 kHz"}
+    assert studies.study(tmp_path, fine).conditions("low").pwm_period == 1 / 15_000
+    short = {**fine, "metric.0.last": "0.6 ms"}
+    expected = 'metric.0.last: "0.6 ms": expected a window of 10 or more periods of the PWM'
+    assert line_of(tmp_path, short) == f"study.toml: {expected}"
+    halves = {**fine, "drive.inverter.pwm": "two-updates", "trace.rate": "120 kHz"}
+    assert studies.study(tmp_path, halves).conditions("low").pwm_period == 2 / 15_000
+
+
+def test_an_ideal_current_loop_has_no_ripple_of_switching(tmp_path: Path) -> None:
+    ideal = {"kind": "ideal", "current_limit": "3 A"}
+    metric = {"name": "m", "kind": "switching-ripple", "signal": "i_q"}
+    changes = {"drive.current_loop": ideal, "drive.inverter": None, "metric": [metric]}
+    changes["scenario.step.override"] = {}
+    kind = 'study.toml: metric.0.kind: "switching-ripple": expected another kind'
+    assert line_of(tmp_path, changes) == f"{kind}, since the current loop is ideal"
+
+
 def test_metrics_of_one_name_mean_the_same(tmp_path: Path) -> None:
     ripple = {"name": "m", "kind": "rms", "signal": "i_q", "scenarios": ["low"]}
     other = {"name": "m", "kind": "mean", "signal": "i_q", "scenarios": ["step"]}

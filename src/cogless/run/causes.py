@@ -25,6 +25,7 @@ FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a wo
 SENSOR, INVERTER, LOOP, CURRENTS = (
     f"drive.{table}" for table in ("position_sensor", "inverter", "current_loop", "current_sensors")
 )
+ROWS_KEY = "trace.rate"
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def _switching(study: Study) -> Changes:
     if inverter is None or not inverter.switches:
         return {}
     changes = {f"{INVERTER}.kind": "averaged"}
-    return {**changes, "trace.rate": None} if study.rows_per_period > 1 else changes
+    return {**changes, ROWS_KEY: None} if study.rows_per_period > 1 else changes
 
 
 def _current_noise(study: Study) -> Changes:

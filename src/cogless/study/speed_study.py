@@ -99,6 +99,7 @@ class Study(StudyBase):
             R_s=motor.R_s,
             power_factor=motor.power_factor,
             speed_period=1 / in_scenario.drive.rates.outer_loop,
+            pwm_period=in_scenario.drive.pwm_period,
             carriage_radius=math.nan if belt is None else belt.radius,
             events=tuple(event.time for event in in_scenario.scenario[scenario].events),
         )
