@@ -280,7 +280,8 @@ class TraceSettings(Table):
     rate: Frequency | None = None  # Hz
     """Recorded rows a second, a divisor of the current loop's rate. Default: that rate; in a study of trials
     one row per sample. Without trials, a switched inverter lets it be
-    [a multiple](/theory/inverter.md#between-samples) of that rate. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz are 100 MB."""
+    [a multiple](/theory/inverter.md#between-samples) of that rate. A row takes 8 bytes for each of about 20
+    signals: 10 min at 1 kHz are 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
     """Rows a second in `traces.nc`, at most. In a study of trials all rows are there."""
     energy: bool = False
