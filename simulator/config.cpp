@@ -338,6 +338,7 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;
     result.seed = top.get<std::uint64_t>("seed");
     result.energy = top.get<bool>("energy");
+    if (top.has("rows_per_period")) result.rows_per_period = top.integer("rows_per_period");
     return result;
 }
 

@@ -17,6 +17,9 @@ namespace {
 
 constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
+// Before each step of a period in which no rows of the trace lie.
+constexpr auto no_rows = [](const auto&...) {};
+
 int motor_phases(const DriveConfig& config) { return config.phases.front().motor.phases; }
 bool has_load_side(const DriveConfig& config) { return config.phases.front().mechanics.load_side.has_value(); }
 
@@ -63,7 +66,7 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
     const bool trials = config.trials.has_value(), trial_law = std::holds_alternative<TrialLaw>(config.law);
     const bool electrical = !config.ideal_current, energy = config.energy;
     const bool three_phases = motor_phases(config) == 3, path = follows_angle(config);
-    const bool load_side = has_load_side(config);
+    const bool load_side = has_load_side(config), within_periods = config.rows_per_period > 1;
     const bool thermal = config.phases.front().motor.thermal.has_value();
     std::vector<Signal> all;
 #define CGL_SIGNAL(name, unit, about, when, value) \
@@ -159,6 +162,9 @@ Drive::Drive(const DriveConfig& config)
         if (static_cast<int>(config_.control.foc.phases) != motor_phases(config_)) {
             throw std::invalid_argument("drive.control: expected as many phases as the motor has");
         }
+    }
+    if (config_.rows_per_period != 1 && (config_.rows_per_period < 1 || config_.ideal_current || !config_.inverter.switched)) {
+        throw std::invalid_argument("rows_per_period: expected 1, or more with a switched inverter");
     }
     if (config_.dead_time) {
         require(cgl_dead_time_init(&dead_time_start_, &*config_.dead_time, static_cast<cgl_real>(period_)),
@@ -273,7 +279,7 @@ void Drive::add_load(DriveState& s, double torque) const {
 }
 
 void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks, Controller* other) const {
-    recorder.reserve(ticks);
+    recorder.reserve(ticks * config_.rows_per_period);
     if (config_.trials) {
         advance_trials(s, recorder, s.tick + ticks, other);
     } else {
@@ -387,7 +393,7 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
                 Controller* other) const {
     const Plant::Exact<detail> exact(phase.plant);
     AnglePatch patch(phase.plant.angle());
-    const bool switched = legs != 0 && config_.inverter.switched;
+    const bool switched = legs != 0 && config_.inverter.switched, within_periods = config_.rows_per_period > 1;
     AtAngle<double> here{};
     if (!switched) here = exact(s.plant.theta_m);
     Every law(config_.speed_divider, s.tick), row = recorder.rows(s.tick);
@@ -402,11 +408,16 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
         if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, here.axis);
         if (s.tick >= faults.until) faults = faults_at(s.tick);
         control<legs>(s, phase, origin, law.next(), current, faults, other);
-        if (row.next()) record<legs>(s, here, phase, origin, current, recorder.next_row());
+        const bool row_due = row.next();
+        if (row_due && !within_periods) record<legs>(s, here, phase, origin, current, recorder.next_row());
         Acting acting{};
         if constexpr (legs != 0) next_duties(s, acting);
         const Currents<> before = s.plant.i;
-        advance_plant<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults);
+        if (row_due && within_periods) {
+            advance_with_rows<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults, recorder);
+        } else {
+            advance_plant<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults, no_rows);
+        }
         if (warm != nullptr) {
             const Pmsm<>& cold = phase.cold->motor();
             s.temperature = phase.config.motor.thermal->after(s.temperature, cold.copper_loss(before), cold.copper_loss(s.plant.i),
@@ -585,7 +596,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 const Drive& drive = *r.drive;
                 AnglePatch patch(r.phase->plant.angle());
                 here = r.phase->plant.angle().at(s.plant.theta_m);
-                drive.advance_plant<legs, detail>(s, here, patch, *r.phase, 0, r.acting.duty, r.current, true, r.faults);
+                drive.advance_plant<legs, detail>(s, here, patch, *r.phase, 0, r.acting.duty, r.current, true, r.faults, no_rows);
                 plants.put(r.n, s.plant, here);
             }
             ++s.tick;
@@ -780,9 +791,10 @@ void Drive::obey(DriveState& s, const Command& command) const {
     }
 }
 
-template <std::size_t legs, Detail detail>
+template <std::size_t legs, Detail detail, class BeforeStep>
 void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
-                          std::int64_t origin, const Phases& duty, const Phases& current, bool open, const Faults& faults) const {
+                          std::int64_t origin, const Phases& duty, const Phases& current, bool open, const Faults& faults,
+                          const BeforeStep& before_step) const {
     const double start = time(s.tick - origin);
     const double longest = step_;
     const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
@@ -803,8 +815,12 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
             const OpenBridge<legs> bridge =
                 open_bridge(faults.bus_voltage, phase_currents<legs>(s.plant.i, here.axis),
                             induced(phase.plant.motor(), here, s.plant.omega_m), OpenBridge<legs>{});
+            const auto block = [&bridge](PlantState<>& x, const AtAngle<double>& at) {
+                x.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(x.i, at.axis)), at.axis);
+            };
+            before_step(bridge.u, k * period_ / steps, period_ / steps, block);
             step(bridge.u, k * period_ / steps, period_ / steps, patch);
-            s.plant.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(s.plant.i, here.axis)), here.axis);
+            block(s.plant, here);
         }
         if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
@@ -815,7 +831,10 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
             const double length = p.stretch[n].until - from;
             const int steps = length <= longest ? 1 : static_cast<int>(std::ceil(length / longest - 1e-9));
             const double h = steps == 1 ? length : length / steps;
-            for (int k = 0; k < steps; ++k) step(p.stretch[n].u, from + k * h, h, patch);
+            for (int k = 0; k < steps; ++k) {
+                before_step(p.stretch[n].u, from + k * h, h, [](PlantState<>&, const AtAngle<double>&) {});
+                step(p.stretch[n].u, from + k * h, h, patch);
+            }
             from = p.stretch[n].until;
         }
     } else {
@@ -823,19 +842,45 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
     }
 }
 
+template <std::size_t legs, Detail detail>
+void Drive::advance_with_rows(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin,
+                              const Phases& duty, const Phases& current, bool open, const Faults& faults,
+                              Recorder& recorder) const {
+    const double start = time(s.tick - origin);
+    int rows = 0;
+    const auto record_rows = [&](Voltage<> u, double from, double h, const auto& after) {
+        for (; rows < config_.rows_per_period; ++rows) {
+            const double within = rows * period_ / config_.rows_per_period;
+            if (!(within < from + h)) return;
+            const PlantState<> before = s.plant;
+            AtAngle<double> there = here;
+            if (within > from) {
+                AnglePatch aside = patch;
+                phase.plant.step<detail>(s.plant, there, u, start + from, within - from, aside);
+                after(s.plant, there);
+            }
+            record<legs>(s, there, phase, origin, phase_currents<legs>(s.plant.i, there.axis), recorder.next_row(), within, u);
+            s.plant = before;
+        }
+    };
+    advance_plant<legs, detail>(s, here, patch, phase, origin, duty, current, open, faults, record_rows);
+}
+
 template <std::size_t legs>
 void Drive::record(const DriveState& s, const AtAngle<double>& here, const Phase& phase, std::int64_t origin,
-                   const Phases& current, double* row) const {
+                   const Phases& current, double* row, double within, Voltage<> u) const {
     const auto* learning = std::get_if<TrialLaw>(&config_.law);
     const bool trials = config_.trials.has_value(), trial_law = learning != nullptr;
     const bool path = follows_angle_, energy = config_.energy, load_side = has_load_side(config_);
-    const bool thermal = config_.phases.front().motor.thermal.has_value();
+    const bool thermal = config_.phases.front().motor.thermal.has_value(), within_periods = config_.rows_per_period > 1;
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
-    const Torques<> torques = phase.plant.equations().torques(s.plant, here, time(s.tick - origin));
+    const Torques<> torques = phase.plant.equations().torques(s.plant, here, time(s.tick - origin) + within);
     // The law uses the reference of its last sample until the next one; recorded errors use the reference at this instant.
     const std::int64_t since = s.tick % config_.speed_divider;
-    const bool held = since == 0 || trials;
-    const Motion reference = held ? s.reference : reference_.after(s.reference, time(s.tick - since), time(since));
+    const bool held = (since == 0 && within == 0.0) || trials;
+    const Motion reference = held ? s.reference : reference_.after(s.reference, time(s.tick - since), time(since) + within);
+    Phases voltage{};
+    if constexpr (electrical) voltage = in_phases<legs>(u.alpha, u.beta);
     const std::int64_t trial = trials ? s.tick / (config_.trials->samples * config_.speed_divider) + 1 : 0;
     double theta_measured = 0.0, learned = 0.0;
     if (trial_law) {

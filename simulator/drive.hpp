@@ -92,6 +92,7 @@ struct DriveConfig {
     double learning_start;       // s
     std::uint64_t seed;
     bool energy;                 // integrate and record the energies
+    int rows_per_period = 1;     // of the trace, in each period in which a row is due; more than 1 only if switched
 };
 
 struct DriveState {
@@ -263,13 +264,22 @@ private:
     void step_current(DriveState& state) const;
     template <std::size_t legs>
     void obey(DriveState& state, const Command& command) const;
-    template <std::size_t legs, Detail detail>
+    // before_step(u, from, h, after): called before each step of pulses or an open bridge, of the length h, s, from a time of the
+    // period on, s; after(plant, here) is what follows the step.
+    template <std::size_t legs, Detail detail, class BeforeStep>
     void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin, const Phases& duty,
-                       const Phases& current, bool open, const Faults& faults) const;
+                       const Phases& current, bool open, const Faults& faults, const BeforeStep& before_step) const;
+    // The same, and records the period's rows. Each is a step of its own from the run's last, so the run stays as it is.
+    template <std::size_t legs, Detail detail>
+    [[gnu::noinline]] void advance_with_rows(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
+                                             std::int64_t origin, const Phases& duty, const Phases& current, bool open,
+                                             const Faults& faults, Recorder& recorder) const;
+    // within: s since the tick; u: the inverter's voltage then, of rows within periods.
     // Not inlined into run(), whose loop is 4 % faster without it.
     template <std::size_t legs>
     [[gnu::noinline]] void record(const DriveState& state, const AtAngle<double>& here, const Phase& phase,
-                                  std::int64_t origin, const Phases& current, double* row) const;
+                                  std::int64_t origin, const Phases& current, double* row, double within = 0.0,
+                                  Voltage<> u = {}) const;
 
     double time(std::int64_t tick) const { return static_cast<double>(tick) / current_rate_; }
 

@@ -82,13 +82,19 @@ decltype(auto) leg_currents(const Phases& i) {
     }
 }
 
+// The phases' values of a vector in the stationary frame.
+template <std::size_t legs>
+Phases in_phases(double alpha, double beta) {
+    if constexpr (legs == bridge_legs) return {alpha, beta, 0.0};
+    return {alpha, -0.5 * alpha + 0.86602540378443865 * beta, -0.5 * alpha - 0.86602540378443865 * beta};
+}
+
 // Phase currents, with three legs the line currents of the star equivalent, from the rotor's frame.
 template <std::size_t legs>
 Phases phase_currents(Currents<> i, Complex<double> axis) {
     const double alpha = axis.re * i.d - axis.im * i.q;
     const double beta = axis.im * i.d + axis.re * i.q;
-    if constexpr (legs == bridge_legs) return {alpha, beta, 0.0};
-    return {alpha, -0.5 * alpha + 0.86602540378443865 * beta, -0.5 * alpha - 0.86602540378443865 * beta};
+    return in_phases<legs>(alpha, beta);
 }
 
 // An interval of a period with constant voltage.

@@ -261,6 +261,21 @@ def test_a_drive_whose_law_is_elsewhere(shared: None, tmp_path: Path) -> None:
     other.close()
 
 
+def test_a_drive_with_rows_between_its_samples_gives_those_of_the_samples(
+    shared: None, tmp_path: Path
+) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    study = load(tmp_path / "study.toml", {"trace.rate": "30 kHz"})
+    files = export.write_fmus(study, "pi-ilc", None, tmp_path / "fmus")
+    fmpy.extract(files[-1], unzipdir=tmp_path / "drive")
+    trace, slave = simulate(study, "step", "pi-ilc").trace, Slave(tmp_path / "drive")
+    names = [name for name in trace.names if name != "time"]
+    rows = slave.run(len(trace) // 3, names)
+    np.testing.assert_array_equal(rows, columns(trace, names)[::3])
+    assert "u_a" in names
+    slave.close()
+
+
 @pytest.mark.parametrize("version", [2, 3])
 def test_fmpys_own_run_is_the_simulation(single: Exported, version: int) -> None:
     rows = fmpy.simulate_fmu(single.folders["drive", version], stop_time=0.05, output_interval=1e-4)

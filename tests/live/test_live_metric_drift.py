@@ -139,6 +139,7 @@ def case(draw):
     events = sorted(round(float(share) * end, 6) for share in draw.uniform(0.0, 1.0, 2))
     about = {"pole_pairs": int(draw.choice([1, 4, 7])), "R_s": 0.7, "power_factor": 1.5, "events": events}
     about["speed_period"] = float(draw.choice([1e-3, 2e-3, 1e-2]))
+    about["pwm_period"] = float(draw.choice([0.0, 16 * trace.period, 33 * trace.period, 8e-3]))
     return trace, about, [random_metric(draw, end, events) for _ in range(METRICS)]
 
 

@@ -367,6 +367,30 @@ def test_carriage_ripple_is_the_rms_of_its_motors_orders_about_the_line():
     assert evaluate(replace(metric, window=(1.0, 3.5)), speeds_up, belt) > 0
 
 
+@pytest.mark.parametrize("rows", [16, 17, 32, 33])
+def test_switching_ripple_is_what_pulses_add_to_slow_signals(rows):
+    """A square wave of each sample of the PWM's period has the rms of its deviations from their mean."""
+    pulses = np.tile(np.where(np.arange(rows) < rows // 2, 1.0, -0.2), 4 * 1000 + 1)
+    count, rate = 4 * 1000 * rows + 1, 1000 * rows
+    time = np.arange(count) / rate
+    slow = 3.0 + 40.0 * time + 2.0 * np.sin(2 * np.pi * 0.7 * time)
+    conditions = replace(CONDITIONS, pwm_period=1e-3)
+    metric = Metric("switching-ripple", window=(0.5, 3.5))
+    found = evaluate(metric, trace(rate=rate, x=slow + pulses[:count]), conditions)
+    assert found == pytest.approx(np.std(pulses[:rows]), rel=1e-4)
+    assert evaluate(metric, trace(rate=rate, x=slow), conditions) < 1e-5
+
+
+def test_switching_ripple_needs_pulses_and_rows_that_show_them():
+    rows, metric = trace(x=0.0, rate=1000), Metric("switching-ripple")
+    for pwm_period in (0.0, 15e-3):
+        with pytest.raises(StudyError, match="expected 16 or more rows of the trace in a period of the PWM"):
+            evaluate(metric, rows, replace(CONDITIONS, pwm_period=pwm_period))
+    with pytest.raises(StudyError, match="window is shorter than a period of the PWM"):
+        evaluate(replace(metric, window=(0.0, 15e-3)), rows, replace(CONDITIONS, pwm_period=16e-3))
+    assert evaluate(replace(metric, window=(0.0, 16e-3)), rows, replace(CONDITIONS, pwm_period=16e-3)) == 0
+
+
 def test_chattering_needs_every_sample():
     with pytest.raises(StudyError, match=r"expected trace.rate of 1000 Hz or more"):
         value("chattering", trace(i_q_ref=0.0, rate=500), signal=None)

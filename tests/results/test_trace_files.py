@@ -42,6 +42,17 @@ def test_results_and_report_are_those_of_traces_in_memory(
     assert [path.name for path in tmp_path.iterdir()] == ["study.toml"]
 
 
+def test_a_file_has_room_for_rows_between_the_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = studies.study(tmp_path, {"drive.inverter.kind": "switched", "trace.rate": "45 kHz"})
+    (in_memory,) = run_study(study, ["step/pi"]).runs
+    monkeypatch.setattr(tracing, "IN_MEMORY", 0)
+    (in_file,) = run_study(study, ["step/pi"], traces=tmp_path).runs
+    assert in_file.trace.mapped is not None and len(in_file.trace) == 3 * 4500
+    assert all(np.array_equal(in_file.trace[name], in_memory.trace[name]) for name in in_memory.trace.names)
+
+
 def test_traces_of_runs_in_step_may_be_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = studies.study(tmp_path)
     noisy = [changed(study, {"drive.current_sensors.noise": f"{noise} mA"}) for noise in (1, 2, 3)]

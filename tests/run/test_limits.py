@@ -182,6 +182,18 @@ def test_dead_time_has_all_of_the_sixth_electrical_order(study):
     assert (first.name, found.order) == ("dead-time", 6) and first.share > 0.99
 
 
+def test_switching_is_a_cause_beside_metrics_that_only_a_switched_drive_has(study):
+    """With the pulses' rows go their metrics; without them nothing else of the run changes."""
+    pulses = {"name": "pulses", "kind": "switching-ripple", "signal": "tau_e"}
+    voltage = {"name": "voltage", "kind": "rms", "signal": "u_a"}
+    fine = {"drive.inverter.kind": "switched", "trace.rate": "160 kHz", "scenario.turning.duration": "0.5 s"}
+    ripple = {"name": "torque", "kind": "ripple-rms", "signal": "tau_e", "last": "0.2 s"}
+    switched = changed(study, {**SMOOTH, **fine, "metric": [ripple, pulses, voltage]})
+    found = limits(switched, simulate(switched, "turning", "pi"), switched.metric[0], jobs=1)
+    share = next(cause.share for cause in found.causes if cause.name == "switching")
+    assert share > 0.99 and "switching" not in found.untried
+
+
 def test_noise_has_a_share_by_its_square(study):
     """Twice the noise adds four times its square: s' = 4 s / (1 + 3 s)."""
     share = {}

@@ -105,6 +105,16 @@ def line(error: pytest.ExceptionInfo[StudyError], folder: Path) -> str:
     return str(error.value).replace(str(folder) + "/", "")
 
 
+def test_a_switched_drive_has_rows_between_its_samples(tmp_path: Path) -> None:
+    """The run stays as it is."""
+    switched = {"drive.inverter.kind": "switched", "drive.inverter.pwm": "edge"}
+    plain = simulate(studies.study(tmp_path, switched), "step", "pi").trace
+    study = studies.study(tmp_path, {**switched, "trace.rate": "60 kHz"})
+    finer = simulate(study, "step", "pi").trace
+    assert len(finer) == 4 * len(plain) and finer.period == pytest.approx(1 / 60_000)
+    assert all(np.array_equal(plain[name], finer[name][::4]) for name in plain.names)
+
+
 def test_a_run_has_trace_and_metrics(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"trace.rate": "1 kHz"})
     shares: list[float] = []

@@ -23,6 +23,7 @@ from cogless.units import ANGULAR_SPEED, UnitError, dimension_of
 DRIVES: list[tuple[str, dict[str, Any]]] = [
     ("uomodri", {}),
     ("liu2018", {"trace.energy": True}),
+    ("liu2018", {"drive.inverter.kind": "switched", "trace.rate": "30 kHz"}),
     ("verrelli2016", {}),
     ("verrelli2016-position", {}),
     ("liu2018-varying", {}),

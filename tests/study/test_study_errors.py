@@ -128,6 +128,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'drive.rates.current_loop: "1.5 Hz": expected a whole number of Hz, such as "1 kHz"'),
         ("trace.rate", "4 kHz",
             'trace.rate: "4 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz'),
+        ("trace.rate", "30 kHz",
+            'trace.rate: "30 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz; more '
+            'rows need drive.inverter.kind = "switched"'),
         ("drive.current_loop.kp", "1 V/A",
             'drive.current_loop: expected either kp and ki or bandwidth, such as "800 Hz"'),
         ("drive.current_loop", {"kp": "1e16 V/A", "ki": "1 V/A/s", "current_limit": "3 A"},
@@ -657,6 +660,47 @@ def test_energies_are_recorded_on_request(tmp_path: Path) -> None:
     expected = 'metric.0.signal: "energy_residual": expected another signal, or trace.energy = true'
     assert line_of(tmp_path, {"metric": [metric]}) == f"study.toml: {expected}"
     assert studies.study(tmp_path, {"metric": [metric], "trace": {"energy": True}}).trace.energy
+
+
+def test_rows_between_the_samples_are_whole_numbers_in_periods_of_a_switched_drive(tmp_path: Path) -> None:
+    switched = {"drive.inverter.kind": "switched", "trace.rate": "40 kHz"}
+    expected = "expected a rate that divides drive.rates.current_loop, 15000 Hz, or a multiple of it"
+    assert line_of(tmp_path, switched) == f'study.toml: trace.rate: "40 kHz": {expected}'
+    back = {**switched, "trace.rate": "45 kHz", "scenario.step.override": {"drive.inverter.kind": "averaged"}}
+    assert 'more rows need drive.inverter.kind = "switched"' in line_of(tmp_path, back)
+
+
+def test_voltages_need_rows_between_the_samples(tmp_path: Path) -> None:
+    change = {"metric": [{"name": "m", "kind": "rms", "signal": "u_a"}], "drive.inverter.kind": "switched"}
+    expected = "expected another signal, or a trace.rate above drive.rates.current_loop"
+    assert line_of(tmp_path, change) == f'study.toml: metric.0.signal: "u_a": {expected}'
+    assert studies.study(tmp_path, {**change, "trace.rate": "30 kHz"}).rows_per_period == 2
+
+
+def test_the_ripple_of_switching_needs_pulses_and_rows_that_show_them(tmp_path: Path) -> None:
+    change = {"metric": [{"name": "m", "kind": "switching-ripple", "signal": "tau_e", "scenarios": ["low"]}]}
+    kind = 'study.toml: metric.0.kind: "switching-ripple": expected another kind, '
+    assert line_of(tmp_path, change) == f"{kind}since the inverter is averaged"
+    switched = {**change, "drive.inverter.kind": "switched"}
+    least = "or a trace.rate of 240000 Hz or more, 16 rows in a period of the PWM"
+    for rate in ("15 kHz", "225 kHz"):
+        assert line_of(tmp_path, {**switched, "trace.rate": rate}) == f"{kind}{least}"
+    fine = {**switched, "trace.rate": "240 kHz"}
+    assert studies.study(tmp_path, fine).conditions("low").pwm_period == 1 / 15_000
+    short = {**fine, "metric.0.last": "0.6 ms"}
+    expected = 'metric.0.last: "0.6 ms": expected a window of 10 or more periods of the PWM'
+    assert line_of(tmp_path, short) == f"study.toml: {expected}"
+    halves = {**fine, "drive.inverter.pwm": "two-updates", "trace.rate": "120 kHz"}
+    assert studies.study(tmp_path, halves).conditions("low").pwm_period == 2 / 15_000
+
+
+def test_an_ideal_current_loop_has_no_ripple_of_switching(tmp_path: Path) -> None:
+    ideal = {"kind": "ideal", "current_limit": "3 A"}
+    metric = {"name": "m", "kind": "switching-ripple", "signal": "i_q"}
+    changes = {"drive.current_loop": ideal, "drive.inverter": None, "metric": [metric]}
+    changes["scenario.step.override"] = {}
+    kind = 'study.toml: metric.0.kind: "switching-ripple": expected another kind'
+    assert line_of(tmp_path, changes) == f"{kind}, since the current loop is ideal"
 
 
 def test_metrics_of_one_name_mean_the_same(tmp_path: Path) -> None:

@@ -251,6 +251,7 @@ def _blob(study: Study, scenario: str, controller: str) -> Packed:
         "R_s": conditions.R_s,
         "power_factor": conditions.power_factor,
         "speed_period": conditions.speed_period,
+        "pwm_period": conditions.pwm_period,
         "events": list(conditions.events),
         "unit": float(np.float32(law.unit)) if study.precision == "single" else float(law.unit),
         "ratio": law.ratio(conditions.pole_pairs),

@@ -18,6 +18,7 @@ from cogless.errors import StudyError
 from cogless.results.trace import Array, Trace
 from cogless.study.metric import (
     CARRIAGE_ORDERS,
+    ROWS_OF_PULSES_LEAST,
     SIGNAL_DIMENSIONS,
     Conditions,
     Metric,
@@ -170,6 +171,26 @@ def ripple_rms(m: MetricInput) -> Array:
 def three_sigma(m: MetricInput) -> Array:
     """Three times the root of the mean square about the mean, in the signal's unit."""
     return 3 * ripple_rms(m)
+
+
+def switching_ripple(m: MetricInput) -> float:
+    """Root of the mean square about the moving mean over a period of the PWM, in the signal's unit.
+
+    The mean is that of the rows around each row, those at both ends of the period by half. It follows what is
+    slower than the pulses; rows without a whole period around them don't count.
+    """
+    x, row = m.x, m.trace.period
+    count = round(m.conditions.pwm_period / row) if row else 0
+    if count < ROWS_OF_PULSES_LEAST:
+        raise m.error(f"expected {ROWS_OF_PULSES_LEAST} or more rows of the trace in a period of the PWM")
+    half = count // 2
+    weights = np.ones(2 * half + 1)
+    if count % 2 == 0:
+        weights[[0, -1]] = 0.5
+    if len(x) < len(weights):
+        raise m.error("window is shorter than a period of the PWM")
+    smooth = np.convolve(x, weights / count, "valid")
+    return float(np.sqrt(np.mean(np.square(x[half : len(x) - half] - smooth))))
 
 
 def ripple_ratio(m: MetricInput) -> float:
@@ -343,6 +364,7 @@ METRIC_FUNCTIONS: dict[str, Callable[[MetricInput], Value | Array]] = {
     "rms": rms,
     "ripple-rms": ripple_rms,
     "three-sigma": three_sigma,
+    "switching-ripple": switching_ripple,
     "ripple-ratio": ripple_ratio,
     "mean": mean,
     "maximum": maximum,

@@ -25,6 +25,7 @@ FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a wo
 SENSOR, INVERTER, LOOP, CURRENTS = (
     f"drive.{table}" for table in ("position_sensor", "inverter", "current_loop", "current_sensors")
 )
+ROWS_KEY = "trace.rate"
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,10 @@ def _dead_time(study: Study) -> Changes:
 
 def _switching(study: Study) -> Changes:
     inverter = study.drive.inverter
-    return {f"{INVERTER}.kind": "averaged"} if inverter and inverter.kind == "switched" else {}
+    if inverter is None or not inverter.switches:
+        return {}
+    changes = {f"{INVERTER}.kind": "averaged"}
+    return {**changes, ROWS_KEY: None} if study.rows_per_period > 1 else changes
 
 
 def _current_noise(study: Study) -> Changes:

@@ -133,7 +133,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
     study_here = for_scenario(study, scenario)
     experiment = study_here.scenario[scenario]
     run = mode == "run"
-    motor = study_here.motor.star()
+    motor, rows = study_here.motor.star(), study_here.rows_per_period
     load = experiment.load if run and experiment.load is not None else study_here.mechanics.load
     return {
         "motor": motor_config(motor),
@@ -147,6 +147,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": study_here.seed,
         "energy": study_here.trace.energy,
+        **({"rows_per_period": rows} if run and rows > 1 else {}),
         "drive": drive_config(
             study_here.drive,
             study.motor.star(),

@@ -27,7 +27,7 @@ from cogless.errors import StudyError
 from cogless.results import Run
 from cogless.results.limits import AND, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Limits
 from cogless.results.metrics import Value, result_name
-from cogless.run.causes import Suspect, suspects
+from cogless.run.causes import ROWS_KEY, Suspect, suspects
 from cogless.run.cures import candidates
 from cogless.run.simulate import RunError, rollout
 from cogless.study import Study, changed, for_scenario
@@ -244,11 +244,20 @@ class _Tries:
 
         Its first metric judges the run. Its last metric shows whether the speed is held.
         """
+        return self._with_metrics(self._study.metrics_in(self._run.scenario))
+
+    @cached_property
+    def _at_samples(self) -> Study:
+        """The same, without other metrics that need rows between the samples of the currents."""
+        metrics = self._study.metrics_in(self._run.scenario)
+        return self._with_metrics([m for m in metrics if not m.between_samples])
+
+    def _with_metrics(self, metrics_kept: Sequence[Metric]) -> Study:
         study, scenario, controller = self._study, self._run.scenario, self._run.controller
         without_auto = unfilled(study, controller)
         source = without_auto.source
         tables = {key: source.tables[key] for key in source.tables if key not in OF_WHOLE_STUDIES}
-        own = [m for m in study.metrics_in(scenario) if result_name(m) in self._run.metrics]
+        own = [m for m in metrics_kept if result_name(m) in self._run.metrics]
         places = [study.metric.index(m) for m in (self._metric, *(m for m in own if m != self._metric))]
         metrics = [source.tables["metric"][place] for place in places]
         metrics[0] = {**metrics[0], "scenarios": [scenario]}
@@ -271,14 +280,15 @@ class _Tries:
 
     def _changed(self, changes: Changes) -> Study | None:
         """The study of this run alone with these changes; None if they are refused."""
-        place, last = f"metric.{self._study.metric.index(self._metric)}.", len(self._alone.metric) - 1
+        alone = self._at_samples if ROWS_KEY in changes else self._alone
+        place, last = f"metric.{self._study.metric.index(self._metric)}.", len(alone.metric) - 1
         own: dict[str, Any] = {}
         for key, value in changes.items():
             of_metric = key.startswith(place)
             keys = [f"metric.{n}.{key.removeprefix(place)}" for n in (0, last)] if of_metric else [key]
             own |= dict.fromkeys(keys, value)
         try:
-            return filled(changed(self._alone, own))
+            return filled(changed(alone, own))
         except StudyError:
             return None
 

@@ -179,7 +179,7 @@ def trace_of(drive: Any, recorder: Any) -> Trace:
     return Trace(names, units, recorder.take())
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Plan:
     """A run that is ready to start.
 
@@ -198,6 +198,7 @@ class Plan:
     rate: float  # ticks per second: current-loop periods, or samples of a linear plant
     divider: int  # ticks per sample of the law
     decimation: int  # ticks per row of the trace
+    rows_per_period: int = 1  # rows of the trace per tick, where there are several
     design: TrialDesign | None = None
     learned: Any = None
     in_step: bool = True  # whether it may run in step with plans that are alike
@@ -213,7 +214,7 @@ class Plan:
     @property
     def rows(self) -> int:
         """Rows of the trace."""
-        return -(-self.ticks // self.decimation)
+        return -(-self.ticks // self.decimation) * self.rows_per_period
 
     @property
     def names(self) -> tuple[AnyStudy, str, str]:

@@ -279,7 +279,9 @@ class TraceSettings(Table):
 
     rate: Frequency | None = None  # Hz
     """Recorded rows a second, a divisor of the current loop's rate. Default: that rate; in a study of trials
-    one row per sample. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz are 100 MB."""
+    one row per sample. Without trials, a switched inverter lets it be
+    [a multiple](/theory/inverter.md#between-samples) of that rate. A row takes 8 bytes for each of about 20
+    signals: 10 min at 1 kHz are 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
     """Rows a second in `traces.nc`, at most. In a study of trials all rows are there."""
     energy: bool = False
@@ -289,7 +291,7 @@ class TraceSettings(Table):
 Kind = Literal["speed", "trials"]  # keys of the rooms' tables: PLANS, DESIGNS, SECTIONS, PAGES
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Timing:
     """How a run passes in ticks: periods of the current loop, or samples of a linear plant."""
 
@@ -297,6 +299,7 @@ class Timing:
     rate: float  # ticks per second
     divider: int  # ticks per sample of the law
     decimation: int  # ticks per row of the trace
+    rows_per_period: int = 1  # rows of the trace per tick, where there are several
 
 
 class StudyBase(Table):
@@ -386,6 +389,11 @@ class StudyBase(Table):
     def metrics_in(self, scenario: str) -> tuple[Metric, ...]:
         """The metrics that are evaluated in a scenario."""
         return tuple(m for m in self.metric if m.applies_in(scenario, self.scenario[scenario]))
+
+    @property
+    def rows_per_period(self) -> int:
+        """Rows of the trace in a period of the current loop; 1, too, where a row stands for several."""
+        return 1
 
     @property
     @abstractmethod

@@ -86,10 +86,25 @@ def baseline(study: StudyBase) -> None:
 
 
 def trace_rate(study: Study) -> None:
-    """Check that trace rows coincide with current-loop periods."""
-    rate, ticks = study.trace.rate, study.drive.rates.current_loop
-    if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
-        raise invalid(f"expected a rate that divides drive.rates.current_loop, {ticks:g} Hz", "trace", "rate")
+    """Check that trace rows coincide with current-loop periods, or that periods have whole numbers of them.
+
+    Without pulses nothing happens between the samples of the currents that those don't show.
+    """
+    rate, ticks, inverter = study.trace.rate, study.drive.rates.current_loop, study.drive.inverter
+    if rate is None or _whole(ticks / rate):
+        return
+    expected = f"expected a rate that divides drive.rates.current_loop, {ticks:g} Hz"
+    if inverter is not None and inverter.switches:
+        if _whole(rate / ticks):
+            return
+        expected = f"{expected}, or a multiple of it"
+    elif rate > ticks:
+        expected = f'{expected}; more rows need drive.inverter.kind = "switched"'
+    raise invalid(expected, "trace", "rate")
+
+
+def _whole(ratio: float) -> bool:
+    return math.isclose(ratio, round(ratio), rel_tol=1e-12)
 
 
 def durations(study: Study) -> None:

@@ -283,6 +283,11 @@ class Inverter(Table):
     """Current-loop periods from sampling until the duty cycles act."""
 
     @property
+    def switches(self) -> bool:
+        """Whether there are pulses."""
+        return self.kind == "switched"
+
+    @property
     def edge_share(self) -> float:
         """Share of the current-loop periods in which a leg has an edge that costs it a dead time."""
         return 0.5 if self.pwm == "two-updates" else 1.0
@@ -477,6 +482,13 @@ class Drive(Table):
     def advance(self) -> float:
         """Current-loop periods from sampling to the middle of the period in which the voltage acts."""
         return 1.5 if self.inverter is not None and self.inverter.computation_delay else 0.5
+
+    @property
+    def pwm_period(self) -> float:
+        """Period of the inverter's pulses, s; 0 where nothing switches."""
+        if self.inverter is None or not self.inverter.switches:
+            return 0.0
+        return (2 if self.inverter.pwm == "two-updates" else 1) / self.rates.current_loop
 
     def largest_torque_current(self, motor: StarMotor) -> float:
         """The largest output of a law, A: the equivalent q-axis current of most torque at current_limit.

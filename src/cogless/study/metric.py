@@ -13,7 +13,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.control_library import C_LAWS
-from cogless.signals import dimensions
+from cogless.signals import RECORDED, dimensions
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
@@ -21,7 +21,9 @@ OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals beside thos
 # Dimension of every signal that a run may have, recorded or derived; a linear plant's have no unit.
 SIGNAL_DIMENSIONS = {
     **dict.fromkeys(OF_LINEAR_PLANTS, units.NONE),
-    **dimensions(("electrical", "three_phases", "path", "thermal", "energy", "load_side"), C_LAWS),
+    **dimensions(
+        ("electrical", "three_phases", "within_periods", "path", "thermal", "energy", "load_side"), C_LAWS
+    ),
     **dimensions(("electrical", "three_phases", "thermal", "energy", "load_side", "trials", "trial_law"), ()),
 }
 
@@ -40,6 +42,7 @@ STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
 OF_A_CARRIAGE = ("theta_load", "theta_m")  # angles that are a belt's way by its pulley's radius
 CARRIAGE_ORDERS = tuple(range(1, 9))  # of an electrical revolution: the band that carriage-ripple counts
+ROWS_OF_PULSES_LEAST = 16  # in a period of the PWM, for switching-ripple: fewer miss most of its short pulses
 WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
 EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # trials have one value each
 LAST_TRIAL = "last"  # the value that a table of many runs has of a number in each trial
@@ -61,6 +64,7 @@ class Metric(Table):
         "rms",
         "ripple-rms",
         "three-sigma",
+        "switching-ripple",
         "ripple-ratio",
         "mean",
         "maximum",
@@ -206,6 +210,12 @@ class Metric(Table):
         return self.event or 0.0, end if after is None else after - before_event
 
     @property
+    def between_samples(self) -> bool:
+        """Whether it needs rows of the trace between the samples of a switched drive's currents."""
+        recorded = RECORDED.get(self.signal or "")
+        return self.kind == "switching-ripple" or (recorded is not None and "within_periods" in recorded.when)
+
+    @property
     def fourier_orders(self) -> tuple[float, ...]:
         """Orders of a revolution whose amplitudes the metric computes; empty if it computes none."""
         return CARRIAGE_ORDERS if self.kind == "carriage-ripple" else self.order or ()
@@ -247,6 +257,7 @@ class Conditions:
     R_s: float = math.nan  # ohm, of the star equivalent
     power_factor: float = math.nan  # 3/2 for three phases, 1 for two
     speed_period: float = math.nan  # s, of the speed loop
+    pwm_period: float = 0.0  # s, of the inverter's pulses; 0: nothing switches
     carriage_radius: float = math.nan  # m/rad, way of a belt's carriage per angle of the motor
     events: tuple[float, ...] = ()  # s, times of the scenario's events
     trials: int | None = None

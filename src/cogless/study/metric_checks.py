@@ -15,6 +15,7 @@ from cogless.signals import dimensions, exists
 from cogless.study.metric import (
     EACH_PHASE,
     EACH_TRIAL,
+    ROWS_OF_PULSES_LEAST,
     Metric,
     result_name,
     turns_held,
@@ -37,6 +38,7 @@ NEEDED = {
     "thermal": "expected another signal, or a table motor.temperature",
     "energy": "expected another signal, or trace.energy = true",
     "load_side": "expected another signal, or a table mechanics.load_side",
+    "within_periods": "expected another signal, or a trace.rate above drive.rates.current_loop",
     "path": "expected another signal, or a controller such as harmonic with position = true",
     "trial_law": OF_A_LAW,
 }
@@ -51,6 +53,7 @@ def kinds(study: Study | TrialStudy) -> set[str]:
         "thermal": isinstance(motor, Motor) and motor.temperature is not None,
         "energy": study.trace.energy,
         "load_side": study.mechanics is not None and study.mechanics.load_side is not None,
+        "within_periods": study.rows_per_period > 1,
         "path": any(law.uses_path for law in study.controller.values()),
         "trial_law": any(law.of_trials for law in study.controller.values()),
     }
@@ -142,7 +145,22 @@ def windows(study: Study) -> None:
                 f"expected another kind, or a trace.rate of {study.drive.rates.outer_loop:g} Hz or more"
             )
             raise invalid(expected, "metric", index, "kind")
+        if metric.kind == "switching-ripple":
+            _between_samples(study, index)
         _in_time(study, index, metric)
+
+
+def _between_samples(study: Study, index: int) -> None:
+    """Refuse a metric of the ripple by pulses where there are none, or no rows that show it."""
+    if not study.drive.pwm_period:
+        why = "the current loop is ideal" if study.drive.ideal else "the inverter is averaged"
+        raise invalid(f"expected another kind, since {why}", "metric", index, "kind")
+    least = ROWS_OF_PULSES_LEAST / study.drive.pwm_period
+    if study.trace_rate < least * (1 - 1e-9):
+        expected = f"expected another kind, or a trace.rate of {least:g} Hz or more"
+        raise invalid(
+            f"{expected}, {ROWS_OF_PULSES_LEAST} rows in a period of the PWM", "metric", index, "kind"
+        )
 
 
 def _in_time(study: Study, index: int, metric: Metric) -> None:
@@ -164,6 +182,8 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
         rate, rows = study.trace_rate, "rows of the trace"
         if metric.kind == "chattering":
             rate, rows = study.drive.rates.outer_loop, "samples of the speed loop"
+        if metric.kind == "switching-ripple":
+            rate, rows = 1 / study.drive.pwm_period, "periods of the PWM"
         if span * rate < FEWEST_ROWS * (1 - 1e-9):
             expected = f"expected a window of {FEWEST_ROWS} or more {rows}"
             raise invalid(expected, "metric", index, key)

@@ -53,6 +53,10 @@ class Study(StudyBase):
         """Recorded rows per second, Hz."""
         return self.trace.rate or self.drive.rates.current_loop
 
+    @property
+    def rows_per_period(self) -> int:
+        return max(1, round(self.trace_rate / self.drive.rates.current_loop))
+
     def in_scenario(self, scenario: str) -> Study:
         """As `cogless.for_scenario`."""
         return self._scenarios.get(scenario, self)
@@ -80,7 +84,8 @@ class Study(StudyBase):
             ticks=round(in_scenario.scenario[scenario].duration * rates.current_loop),
             rate=round(rates.current_loop),
             divider=rates.divider,
-            decimation=round(rates.current_loop / in_scenario.trace_rate),
+            decimation=max(1, round(rates.current_loop / in_scenario.trace_rate)),
+            rows_per_period=in_scenario.rows_per_period,
         )
 
     def when(self, scenario: str, tick: int) -> str:
@@ -94,6 +99,7 @@ class Study(StudyBase):
             R_s=motor.R_s,
             power_factor=motor.power_factor,
             speed_period=1 / in_scenario.drive.rates.outer_loop,
+            pwm_period=in_scenario.drive.pwm_period,
             carriage_radius=math.nan if belt is None else belt.radius,
             events=tuple(event.time for event in in_scenario.scenario[scenario].events),
         )

@@ -43,7 +43,7 @@
       const last = at("trials"), chosen = [...phases.flatMap((phase) => phase.trials), last];
       return { description: data, ticks: at("ticks"), decimation: at("decimation"), about: { pole_pairs: at("pole_pairs"), events: [], trials: last, starts }, metrics, judged, panels, chosen };
     }
-    const about = { events: [], guarded: page.guarded, tracking: { ...page.tracking, torque: scenario().torque }, ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
+    const about = { events: [], guarded: page.guarded, tracking: { ...page.tracking, torque: scenario().torque }, ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "pwm_period", "unit"].map((what) => [what, at(what)])) };
     for (let n = 0; run.about[`page.events.${n}`]; n++) about.events.push(at(`events.${n}`));
     let learned = null, learn = null;
     if (run.learned) {

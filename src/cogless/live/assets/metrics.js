@@ -17,6 +17,7 @@ const liveMetrics = (() => {
   const REFERENCES = { omega_m: "omega_ref", omega_measured: "omega_ref", i_d: "i_d_ref", i_q: "i_q_ref" };
   const TURNING = ["rad", "rad/s"];
   const REFERENCE_SPREAD_MOST = 1e-9; // of the speed: so much a constant reference varies by rounding
+  const ROWS_OF_PULSES_LEAST = 16; // in a period of the PWM: fewer miss most of its short pulses
   const TURN_SHORTFALL_MOST = 1e-3; // of a revolution, that a window of whole ones may be short
 
   // A trace's signals by name, recorded or derived, each made when it is first asked for.
@@ -214,6 +215,16 @@ const liveMetrics = (() => {
     rms: ({ x }) => Math.sqrt(mean(x.map((v) => v * v))),
     "ripple-rms": ({ x }) => std(x),
     "three-sigma": ({ x }) => 3 * std(x),
+    "switching-ripple": ({ trace, about, x }) => {
+      const count = trace.period ? even(about.pwm_period / trace.period) : 0;
+      const half = Math.floor(count / 2), end = count % 2 ? 1 : 0.5;
+      if (count < ROWS_OF_PULSES_LEAST || x.length < 2 * half + 1) return NaN;
+      return Math.sqrt(mean(x.subarray(half, x.length - half).map((v, n) => {
+        let total = end * (x[n] + x[n + 2 * half]);
+        for (let k = n + 1; k < n + 2 * half; k++) total += x[k];
+        return (v - total / count) ** 2;
+      })));
+    },
     "ripple-ratio": ({ x }) => {
       const high = largest(x), low = smallest(x);
       return high + low ? (high - low) / Math.abs(high + low) : NaN;
