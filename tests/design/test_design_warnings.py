@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cogless.design import warnings as module
+from cogless.design.current_needed import carried
 from cogless.design.design_table import design_table
 from cogless.design.warnings import coarse_table, likely_harm, shaft_notes
 from cogless.errors import StudyError
@@ -235,3 +236,23 @@ def test_a_soft_shaft_that_takes_a_tenth_of_the_phase_margin_is_told():
     given = {"controller.pi": {"law": "pi", "kp": "0.02 A*s/rad", "ki": "0.5 A/rad"}}
     assert said("3 N*m/rad", **given) == []  # no rule asks for a margin
     assert said("3 N*m/rad", **{"drive.position_sensor": {"kind": "ideal", "side": "load"}}) == []
+
+
+def test_no_current_limit_is_advised_that_the_voltage_does_not_carry():
+    """At 30 rpm 24 V carry (24 / sqrt(3) - K_e omega) / R; the current's own ripple is left out."""
+    heavy = my_motor(**{"mechanics.load": {"torque": "2 N*m"}})
+    star, inverter = heavy.motor.star(), heavy.drive.inverter
+    omega = heavy.scenario["slow"].top_reference
+    carries = (inverter.bus_voltage / math.sqrt(3) - star.pole_pairs * star.psi_f * omega) / star.R_s
+    assert carried(heavy, omega) == pytest.approx(carries, rel=0.01)
+    (line,) = module.beyond_drive(heavy, ["slow"])
+    assert line.cures == () and str(line).endswith(
+        f"; at its top speed 24 V carry {carried(heavy, omega):.3g} A"
+    )
+    u = [star.R_s * carried(heavy, omega) + star.pole_pairs * star.psi_f * omega,
+         star.pole_pairs * omega * star.L_q * carried(heavy, omega)]  # fmt: skip
+    assert math.hypot(*u) == pytest.approx(inverter.bus_voltage / math.sqrt(3))
+    light = my_motor(**{"mechanics.load": {"torque": "0.5 N*m"}})
+    (line,) = module.beyond_drive(light, ["slow"])
+    assert line.cures and "carry" not in str(line)
+    assert carried(light, 1e6) == 0.0

@@ -122,6 +122,17 @@ def test_of_two_bases_the_one_with_less_ripple_is_written(tmp_path: Path, motor:
     assert warnings(study, scenario, "harmonic") == []
 
 
+def test_an_order_that_neither_base_learns_is_named(tmp_path: Path) -> None:
+    """24 slots and 22 poles have order 264; base 2 with 128 orders ends at 256."""
+    of = request("gimbal", "simplefoc", "as5048", pole_pairs=11, slots=24, resistance=11.1, kv=24)
+    made, study = written(tmp_path, of)
+    assert "base 2 learns the orders of the cogging but 264, base " in " ".join(made.text.split())
+    for base, orders, missing in ((2, "2, 4 to 256", 264), (6, "6, 12 to 768", 22)):
+        (remark,) = warnings(changed(study, {"controller.harmonic.base": base}), "slow", "harmonic")
+        learns = f"it learns orders {orders}, but the cogging has order {missing}"
+        assert f"{learns}; no base learns all of the cogging" in str(remark)
+
+
 STRANGERS = [
     {"pole_pairs": 1, "kv": 1000, "resistance": 0.1, "bits": 8, "current_rate": 30_000, "speed": 3000},
     {"pole_pairs": 1, "kv": 1000, "resistance": 0.1, "bits": 20, "current_rate": 1000, "speed": 3000},

@@ -395,6 +395,8 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
 
 
 def _answer(study: Study, ranking: Ranking) -> str:
+    from cogless.design.kinds import DESIGNS
+
     speed = _rpm(next(iter(study.scenario.values())).top_reference)
     if not ranking.learned.holds:
         text = f"With these numbers harmonic does not hold {speed}: {ranking.learned.why}."
@@ -402,7 +404,9 @@ def _answer(study: Study, ranking: Ranking) -> str:
     before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms)"
     if not ranking.baseline.holds:
         before = f"the PI does not hold the speed ({ranking.baseline.why})"
-    return f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
+    text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
+    doubt = DESIGNS[study.kind].doubt(study, "harmonic")
+    return f"{text} Another run may leave more: {doubt}." if doubt else text
 
 
 def _why_not(study: Study) -> str:

@@ -51,6 +51,8 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
             marked |= {*controllers}
         limit = report.limit(results, scenario)
         sentences = [f"! {remark}" for remark in remarks(study, lines)]
+        if verdict is not None:
+            sentences += [f"! {doubt}" for doubt in verdict.doubts]
         sentences += [str(limit or ""), verdict.cost if verdict is not None else ""]
         if any(sentences):
             print()

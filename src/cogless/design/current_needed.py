@@ -143,7 +143,7 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
     voltage_current = carried(for_scenario(study, scenario), study.scenario[scenario].top_reference)
     if drive.current_reference is None and needs.most > voltage_current and drive.inverter is not None:
         return Remark(
-            f"{sentence}; the {drive.inverter.bus_voltage:.4g} V carry {voltage_current:.3g} A there"
+            f"{sentence}; at its top speed {drive.inverter.bus_voltage:.4g} V carry {voltage_current:.3g} A"
         )
 
     def cured(other: Study) -> bool:

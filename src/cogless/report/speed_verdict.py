@@ -185,7 +185,7 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         return replace(broken, tone=worst(broken.tone, "even"))
     details = [compared.headline, *compared.details]
     tone = worst(broken.tone, compared.tone)
-    return replace(broken, tone=tone, details=details, cost=compared.cost)
+    return replace(broken, tone=tone, details=details, cost=compared.cost, doubts=compared.doubts)
 
 
 @dataclass(frozen=True)
@@ -351,16 +351,17 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
             cost = _costs(case)
             details += [_without_learning(case), _against_the_next(case), cost]
         details += [_rest(case), *_failures(case)]
-    details = [str(limited or ""), *_doubts(case), *details]
+    doubts = _doubts(case)
+    details = [str(limited or ""), *doubts, *details]
     sentences = [sentence for sentence in details if sentence]
-    return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost)
+    return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost, doubts=doubts)
 
 
 def _doubts(case: _Case) -> list[str]:
     """Sentences on winners whose next run may end otherwise, as their design says."""
     of_winners = {c: DESIGNS["speed"].doubt(case.study, c) for c in case.winners if case.learns(c)}
     return [
-        f"{case.label(c)} is not sure to learn again in another run, such as with --set seed=1: {doubt}."
+        f"{case.label(c)} may leave more in another run, such as with --set seed=1: {doubt}."
         for c, doubt in of_winners.items()
         if doubt
     ]

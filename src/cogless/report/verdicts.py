@@ -29,7 +29,8 @@ class ScenarioVerdict:
 
     `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
     headline is about these, and the tone is at best the one of the response to these.
-    `cost`: a sentence on what the best controller costs; "" where that is unknown.
+    `cost`: a sentence on what the best controller costs; "" where that is unknown. `doubts`: sentences on
+    winners whose next run may end otherwise.
     """
 
     scenario: str
@@ -38,6 +39,7 @@ class ScenarioVerdict:
     details: Sequence[str]
     paragraphs: Sequence[Paragraph] = ()
     cost: str = ""
+    doubts: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
