@@ -16,7 +16,7 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.printer.axis import Axis
-from cogless.printer.corrections import Answer, Coefficient, Lines, spread
+from cogless.printer.corrections import Answer, Coefficient, Lines, OrderRipple, spread
 from cogless.printer.moves import Move, ramp
 from cogless.printer.records import (
     FITTED_ORDERS,
@@ -34,6 +34,7 @@ BLOCK_SAMPLES = 24  # that a block has at least
 SPEED_LEAST = 0.012  # m/s, below which a carriage hardly shakes
 NYQUIST_SHARE = 0.84  # of half the sampling rate: above it a line is folded or filtered
 LOUD_SHARE = 0.1  # of a coefficient: what the model misses where it is loud
+SPREAD_MOST = 0.4  # of a block's speed, by which it may change in the block, where a way is told
 START_GRID = 8e-3  # s, of the search for the move in the log
 LAG_MOST = 16e-3  # s, by which that may miss from log to log
 LAG_COARSE = 1e-4  # s
@@ -353,6 +354,27 @@ def psi_of(pair: Pair, probe: complex) -> tuple[complex, float]:
     return solve(np.ones(count)), spread(values)
 
 
+def order_ripple(pair: Pair, lever: complex, n: int, move: Move, wavelength: float) -> OrderRipple:
+    """The carriage's ripple by an order, before and after a correction. `lever`: this over the probe.
+
+    A block with the correction would have A0 + lever (A1 - A0). Slow blocks are left out: the speed changes
+    so much within their few waves that an acceleration belongs to no single way.
+    """
+    spreads = np.maximum(BLOCK_SPEED, BLOCK_TURNS * wavelength * move.acceleration / pair.speeds)
+    bins = np.round(pair.speeds / BLOCK_SPEED)
+    bins[spreads > SPREAD_MOST * pair.speeds] = np.nan
+    after = pair.plain + lever * (pair.probed - pair.plain)
+    doubt = (abs(1 - lever) ** 2 + abs(lever) ** 2) / pair.weights
+    chosen = [bins == k for k in np.unique(bins[np.isfinite(bins)])]
+    speeds = np.array([np.mean(pair.speeds[rows]) for rows in chosen])
+    squares = (np.abs(pair.plain) ** 2, np.abs(after) ** 2, doubt)
+    ways = (
+        np.sqrt([np.mean(square[rows]) for rows in chosen]) / (math.tau * n * speeds / wavelength) ** 2
+        for square in squares
+    )
+    return OrderRipple(speeds, *ways)
+
+
 def refined_start(
     run: Run,
     plain: Blocks,
@@ -442,4 +464,8 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         moved[n] / abs(probe[n]) / (math.tau * frequencies[n]) ** 2 * (math.tau / wavelength) for n in pairs
     ]
     answer = Answer(np.concatenate(list(frequencies.values())), np.concatenate(ratios))
-    return Lines(coefficients, answer, remarks)
+    ripple = {
+        n: order_ripple(pair, coefficients[n].value / probe[n], n, move, wavelength)
+        for n, pair in pairs.items()
+    }
+    return Lines(coefficients, answer, remarks, ripple)
