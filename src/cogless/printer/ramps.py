@@ -140,13 +140,13 @@ def blocks(run: Run, start: float, move: Move, wavelength: float, modes: tuple[f
         energy_freedom += 2 * len(orders)
         rest_freedom += count - 2 * len(orders) - 2 - len(ringing)
     return Blocks(
-        np.array(speeds),
-        np.array(rows).reshape(-1, len(FITTED_ORDERS)),
-        np.array(variances).reshape(-1, len(FITTED_ORDERS)),
-        explained,
-        rest,
-        energy_freedom,
-        rest_freedom,
+        speeds=np.array(speeds),
+        coefficients=np.array(rows).reshape(-1, len(FITTED_ORDERS)),
+        variance=np.array(variances).reshape(-1, len(FITTED_ORDERS)),
+        energy=explained,
+        rest=rest,
+        energy_freedom=energy_freedom,
+        rest_freedom=rest_freedom,
     )
 
 
