@@ -54,7 +54,7 @@ RATIOS = {
     *("K_s", "N", "K_3", "K_stab", "K_ilc", "change_weight", "learned_limit"),
     *("state_weight", "input_weight", "initial_state", "initial_change", "initial_error"),
     *("percent", "percent_peak_to_peak"),
-    *("voltage_share", "damping_ratio"),
+    *("voltage_share", "damping_ratio", "rate_error"),
 }
 # Read by their own validators, as quantities of what they are about.
 OF_ANOTHER = {"range", "band", "floor", "limit", "initial", "lower", "upper"}

@@ -17,7 +17,7 @@ from cogless.study import TrialStudy, changed, load
 pytestmark = pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
 
 ROOT = Path(__file__).parents[2]
-NOT_ON_PAGE = {"arena", "printer"}  # many plants; a law without gains to try
+NOT_ON_PAGE = {"arena", "printer", "printer-ramps"}  # many plants; a law without gains to try
 SHIPPED = sorted({path.stem for path in (ROOT / "studies").glob("*.toml")} - NOT_ON_PAGE)
 MY_MOTOR = ROOT / "examples" / "my_motor.toml"
 RESISTANCE, INDUCTANCE = "motor.resistance_line_to_line", "motor.inductance_line_to_line"

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from printer.printer_plant import TURN, Axes, accelerations, constant_speed, sampled
 
+from cogless.drives.klipper import log_name, log_text
+
 FILE = """
 [printer]
 motor = "x"
@@ -60,9 +62,9 @@ def write_klipper_logs(
             times, x = sampled(
                 t, values[:, lane], rng, rate, noise, start=-rng.uniform(0.4, 0.7), end=t[-1] + 0.3
             )
-            path = folder / f"adxl345-cogless-x-{direction}-{kind}-{number}.csv"
-            rows = (f"{a + 1000:.6f},{1e3 * b:.6f},0.0,9806.65\n" for a, b in zip(times, x, strict=True))
-            path.write_text("#time,accel_x,accel_y,accel_z\n" + "".join(rows))
+            path = folder / f"adxl345-{log_name('x', direction, kind, number)}.csv"
+            still = np.zeros(len(x))
+            path.write_text(log_text(times + 1000, np.column_stack([x, still, still + 9.80665])))
             paths.append(path)
     return paths
 

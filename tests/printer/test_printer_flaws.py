@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from printer import printer_bench
-from printer.printer_bench import FILE, ramp_records, write_klipper_logs
-from printer.printer_plant import study_axes
+from printer.printer_bench import FILE, SIGNS, ramp_records, write_klipper_logs
+from printer.printer_plant import sampled, study_axes
 
 from cogless.drives.klipper import identify_runs
 from cogless.errors import StudyError
 from cogless.printer.axis import read_axis
 from cogless.printer.corrections import Coefficient
+from cogless.printer.moves import ramp
+from cogless.printer.ramps import check_duration, check_pace, find_start
+from cogless.printer.records import Run
 
 Records = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 Change = Callable[[np.ndarray], np.ndarray]
@@ -80,9 +84,7 @@ def test_a_clock_that_is_off_is_one_line(ratio: float, records: Records, tmp_pat
     check_line(str(refused.value), 1 / ratio)
 
 
-@pytest.mark.parametrize(
-    ("speed", "travel"), [(0.15, 0.2), (0.195, 0.2), (0.22, 0.2), (0.2, 0.18), (0.2, 0.21)]
-)
+@pytest.mark.parametrize(("speed", "travel"), [(0.15, 0.2), (0.195, 0.2), (0.22, 0.2), (0.2, 0.21)])
 def test_a_ramp_that_is_not_the_file_s_is_one_line(
     speed: float, travel: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,6 +94,75 @@ def test_a_ramp_that_is_not_the_file_s_is_one_line(
         identified(tmp_path, ramp_records(study_axes(1), 1))
     # A way of another length has another acceleration, which goes with the square of the pace.
     check_line(str(refused.value), (speed / 0.2) / np.sqrt(travel / 0.2))
+
+
+@pytest.mark.parametrize("travel", [0.18, 0.22])
+def test_a_way_of_another_length_is_seen_in_a_log_of_one_direction(
+    travel: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By its time alone, whatever the sensor's scale is; in so much noise that nothing is told it is not."""
+    monkeypatch.setattr(printer_bench, "TRAVEL", travel)
+    t, values = ramp_records(study_axes(1), 1)["forward", "plain"]
+    (tmp_path / "printer.toml").write_text(FILE)
+    axis, rng = read_axis(tmp_path / "printer.toml"), np.random.default_rng(1)
+
+    def log(noise: float, scale: float) -> Run:
+        times, x = sampled(t, scale * values[:, 0], rng, 3200, noise, start=-0.5, end=t[-1] + 0.3)
+        return Run("a.csv", "forward", times, x, {})
+
+    for scale in (0.9, 1.0, 1.1):
+        run = log(0.1, scale)
+        with pytest.raises(StudyError) as refused:
+            check_duration(run, find_start(run, ramp(axis), axis.wavelength), ramp(axis))
+        said = re.fullmatch(
+            r"a.csv: the move takes about (\d\.\d\d) times as long as 200 mm with up to 200 mm/s: "
+            r"expected the --drive-config file of --plan",
+            str(refused.value),
+        )
+        assert said is not None and float(said[1]) == pytest.approx(travel / 0.2, abs=0.03)
+    check_duration(log(3.0, 1.0), 0.0, ramp(axis))
+
+
+def test_a_way_that_is_too_short_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its orders sweep nearly as they should: the pace of the first log looks right."""
+    monkeypatch.setattr(printer_bench, "TRAVEL", 0.18)
+    with pytest.raises(StudyError) as refused:
+        identified(tmp_path, ramp_records(study_axes(1), 1))
+    assert re.match(r"\S+forward-plain-1.csv: the move takes about 0.(89|90|91) times", str(refused.value))
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.3, 1.0, 3.0])
+def test_noise_makes_no_move_seem_of_another_time_or_pace(
+    noise: float, records: Records, tmp_path: Path
+) -> None:
+    (tmp_path / "printer.toml").write_text(FILE)
+    axis, rng = read_axis(tmp_path / "printer.toml"), np.random.default_rng(2)
+    for direction in SIGNS:
+        t, values = records[direction, "plain"]
+        for _ in range(4):
+            times, x = sampled(t, values[:, 0], rng, 3200, noise, start=-0.5, end=t[-1] + 0.3)
+            run = Run(direction, direction, times, x, {})
+            start = find_start(run, ramp(axis), axis.wavelength)
+            assert start == pytest.approx(0.0, abs=0.015)
+            check_duration(run, start, ramp(axis))
+        check_pace(run, start, ramp(axis), axis.wavelength)
+
+
+@pytest.mark.parametrize(("noise", "words"), [(3.0, "expected the move"), (0.0, "of the log's energy")])
+def test_noise_alone_is_no_move(noise: float, words: str, tmp_path: Path) -> None:
+    """Beside noise of a fan nothing is left; without it, what shakes otherwise is none of the orders."""
+    (tmp_path / "printer.toml").write_text(FILE)
+    axis, rng = read_axis(tmp_path / "printer.toml"), np.random.default_rng(2)
+    for _ in range(3):
+        times = np.arange(0, 3.2, 1 / 3200)
+        x = rng.normal(0, noise, len(times))
+        if not noise:
+            x[1600:8000] = rng.normal(0, 3.0, 6400)
+        with pytest.raises(StudyError) as refused:
+            find_start(Run("a.csv", "forward", times, x, {}), ramp(axis), axis.wavelength)
+        assert words in str(refused.value)
+        lost = re.match(r"a.csv: the motor's orders are lost in noise of 3(\.1)? m/s\^2:", str(refused.value))
+        assert (lost is not None) == bool(noise)
 
 
 def check_line(line: str, pace: float) -> None:

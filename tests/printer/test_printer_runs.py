@@ -13,6 +13,7 @@ from commands import cogless
 from printer.printer_bench import FILE, SIGNS, prusa_lines, write_klipper_logs
 from printer.printer_plant import random_axes, static_orders
 
+from cogless.drives.klipper import log_name, log_text
 from cogless.drives.klipper import write_runs as klipper_files
 from cogless.drives.prusa import write_runs as prusa_files
 from cogless.errors import StudyError
@@ -153,11 +154,10 @@ def rest_logs(folder: Path, rate: float = 3200, level: float = 0.0, duration: fl
     rng, paths = np.random.default_rng(1), []
     for direction in SIGNS:
         for kind in ("plain", "probe"):
-            path = folder / f"adxl345-cogless-x-{direction}-{kind}-1.csv"
+            path = folder / f"adxl345-{log_name('x', direction, kind, 1)}.csv"
             t = np.arange(0, duration, 1 / rate)
             a = 1e3 * rng.normal(0, 0.1, len(t)) if not level else np.full(len(t), level)
-            rows = (f"{x + 5:.6f},{y:.6f},0,0\n" for x, y in zip(t, a, strict=True))
-            path.write_text("#time,accel_x,accel_y,accel_z\n" + "".join(rows))
+            path.write_text(log_text(t + 5, np.column_stack([1e-3 * a, 0 * a, 0 * a])))
             paths.append(path)
     return paths
 
@@ -179,7 +179,7 @@ def gap(text: str) -> str:
         ({}, lambda text: text + "5", "line 9602: the file is cut here: expected the whole file"),
         ({}, lambda text: text + text.splitlines()[-1] + "\n", "line 9602: the time does not grow"),
         ({}, lambda text: text.replace("#time", "time"), 'its first line is not "#time,'),
-        ({}, lambda text: text.replace(",0,0\n", ",0\n", 1), "line 2: expected four finite numbers"),
+        ({}, lambda text: text.replace(",0.000000\n", "\n", 1), "line 2: expected four finite numbers"),
         ({}, lambda text: "#time,accel_x,accel_y,accel_z\n", "0 samples"),
     ],
 )

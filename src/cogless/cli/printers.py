@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from cogless.printer.corrections import Correction
     from cogless.units import Dimension
 
+REPORT_FILE = "report.html"
+
 
 def printer_adapter(drive: str | None) -> Adapter | None:
     """The printer's firmware that `--drive` names. None: it names a drive with a sensor, or is not given."""
@@ -51,6 +53,7 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
     """Find an axis's correction in the logs of its runs, print it and write it."""
     from cogless.printer.axis import read_axis
     from cogless.printer.corrections import CORRECTION_FILE
+    from cogless.report.carriage import write_report
     from cogless.results.folder import locked_folder, new_set
 
     assert adapter.identify_runs is not None
@@ -59,13 +62,16 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
             f"--drive {adapter.name}: expected --drive-config FILE with [printer]: "
             "motor, step_angle, pulley_teeth, current, travel, start_x, start_y"
         )
-    with locked_folder(output, [CORRECTION_FILE]):
+    with locked_folder(output, [CORRECTION_FILE, REPORT_FILE]):
         correction = adapter.identify_runs(logs, read_axis(file))
+        lines = correction_lines(correction)
         with new_set(output) as stage:
             (stage / CORRECTION_FILE).write_text(correction.to_json(), "utf-8")
-    for line in correction_lines(correction):
+            write_report(correction, lines, stage / REPORT_FILE)
+    for line in lines:
         print_text(line, others="  ")
     print(f"\nCorrection: {output / CORRECTION_FILE}")
+    print(f"Report: {output / REPORT_FILE}")
     print(f"For a study's law microstepping: {study_line(output / CORRECTION_FILE)}")
     target = "prusa" if adapter.write_correction is not None else "tmc5160"
     print(f"Next: {program()} {shlex.join(['table', str(output), '--to', target])} -o FILE")

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from cogless.study import AnyStudy
 
 MAPS = "maps"  # the folder of learned maps, within that of the results
+ACCELEROMETER = "accelerometer"  # the folder of its logs, within that of the results
 WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
 
 
@@ -124,6 +125,7 @@ def _names(
     study: AnyStudy, pairs: Sequence[tuple[str, str]], plots: bool, traces: bool, with_page: bool
 ) -> list[str]:
     """The files that a run may write."""
+    from cogless.drives.accelerometer import accelerometer_logs
     from cogless.report import plot_names
     from cogless.results import results_json
 
@@ -133,15 +135,20 @@ def _names(
         *(["live.html"] if with_page else []),
         *(plot_names(study) if plots else []),
         *(f"{MAPS}/{results_json.name(*pair)}" for pair in pairs),
+        *(f"{ACCELEROMETER}/{name}" for pair in pairs for name in accelerometer_logs(study, *pair)),
     ]
 
 
 def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, every_metric: bool) -> None:
     """Print the results, and where the files are if they are `written`."""
+    from cogless.drives.accelerometer import accelerometer_logs
+
     print_results(results, every_metric)
     print_uncertified(results.study, [(run.scenario, run.controller) for run in results.runs])
     if written:
         print(f"Report: {folder / 'report.html'}")
+        if any(accelerometer_logs(results.study, run.scenario, run.controller) for run in results.runs):
+            print(f"Accelerometer: {folder / ACCELEROMETER}")
         if with_page:
             from cogless.live import left_out
 
@@ -152,6 +159,7 @@ def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, ev
 
 def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:
     from cogless import report
+    from cogless.drives.accelerometer import write_accelerometer_logs
     from cogless.results import results_json
     from cogless.results.folder import hashes, new_set
     from cogless.results.trace import write_netcdf
@@ -165,6 +173,7 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
         if page is not None:
             (stage / "live.html").write_text(page, encoding="utf-8")
         results_json.write_all(results, stage / MAPS)
+        write_accelerometer_logs(results, stage / ACCELEROMETER)
         if plots:
             report.write_plots(results, stage)
         results_json.write(results, stage / "results.json", hashes(stage))

@@ -76,6 +76,17 @@ def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, N
     return times, 1e-3 * (direction[0] * table[:, 1] + direction[1] * table[:, 2])
 
 
+def log_name(motor: str, direction: str, kind: str, number: int) -> str:
+    """The name under which the macro records a run, as RUN_NAME reads it."""
+    return f"cogless-{motor}-{direction}-{kind}-{number}"
+
+
+def log_text(times: Numbers, acceleration: Numbers) -> str:
+    """The CSV of ACCELEROMETER_MEASURE. `times`: s; `acceleration`: m/s^2, columns of x, y and z."""
+    rows = np.column_stack([times, 1e3 * acceleration]).tolist()
+    return "\n".join([HEADING, *("{:.6f},{:.6f},{:.6f},{:.6f}".format(*row) for row in rows)]) + "\n"
+
+
 def read_runs(paths: Sequence[Path], axis: Axis) -> dict[tuple[Direction, int], dict[str, Run]]:
     """Runs without and with the probe, by direction and number. StudyError: a log that can't be used."""
     runs: dict[tuple[Direction, int], dict[str, Run]] = {}
@@ -165,7 +176,7 @@ def write_runs(axis: Axis) -> Mapping[str, str]:
                     f"G4 P{DWELL_TIME}",
                     f"G1 X{last[0]:.4f} Y{last[1]:.4f} F{feed:.1f}",
                     f"G4 P{DWELL_TIME}",
-                    f"ACCELEROMETER_MEASURE NAME=cogless-{axis.motor}-{direction}-{kind}-{number}",
+                    f"ACCELEROMETER_MEASURE NAME={log_name(axis.motor, direction, kind, number)}",
                 ]
     body += [
         f"SET_PHASE_CORRECTION STEPPER={stepper} FORWARD=0:0:0 BACKWARD=0:0:0",

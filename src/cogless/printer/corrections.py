@@ -6,7 +6,7 @@ import cmath
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -59,12 +59,27 @@ class Answer:
 
 
 @dataclass(frozen=True, eq=False)
+class OrderRipple:
+    """Amplitudes of the carriage's way by an order, m, at these rising speeds, m/s, without a correction and
+    with it. `doubt`: noise and what the model misses would show so much with it where nothing is left.
+    """
+
+    speeds: Numbers
+    before: Numbers
+    after: Numbers
+    doubt: Numbers
+
+
+@dataclass(frozen=True, eq=False)
 class Lines:
-    """What a direction's runs tell: the correction by order, the carriage's answer, remarks."""
+    """What a direction's runs tell: the correction by order, the carriage's answer, remarks, and the ripple
+    of each order if the runs pass many speeds.
+    """
 
     coefficients: Mapping[int, Coefficient]
     answer: Answer
     remarks: Sequence[str] = ()
+    ripple: Mapping[int, OrderRipple] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -90,6 +105,7 @@ class Correction:
     torque: float | None
     directions: Mapping[Direction, Mapping[int, Coefficient]]
     remarks: Sequence[str] = ()
+    ripple: Mapping[Direction, Mapping[int, OrderRipple]] = field(default_factory=dict)
 
     @classmethod
     def from_lines(cls, axis: Axis, lines: Mapping[Direction, Lines]) -> Correction:
@@ -111,6 +127,7 @@ class Correction:
             torque=axis.torque_at_current,
             directions={name: dict(entry.coefficients) for name, entry in lines.items()},
             remarks=tuple(remarks),
+            ripple={name: entry.ripple for name, entry in lines.items() if entry.ripple},
         )
 
     def orders(self, direction: Direction) -> dict[int, complex]:

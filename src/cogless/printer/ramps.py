@@ -16,7 +16,7 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.printer.axis import Axis
-from cogless.printer.corrections import Answer, Coefficient, Lines, spread
+from cogless.printer.corrections import Answer, Coefficient, Lines, OrderRipple, spread
 from cogless.printer.moves import Move, ramp
 from cogless.printer.records import (
     FITTED_ORDERS,
@@ -34,11 +34,18 @@ BLOCK_SAMPLES = 24  # that a block has at least
 SPEED_LEAST = 0.012  # m/s, below which a carriage hardly shakes
 NYQUIST_SHARE = 0.84  # of half the sampling rate: above it a line is folded or filtered
 LOUD_SHARE = 0.1  # of a coefficient: what the model misses where it is loud
+SPREAD_MOST = 0.4  # of a block's speed, by which it may change in the block, where a way is told
 START_GRID = 8e-3  # s, of the search for the move in the log
 LAG_MOST = 16e-3  # s, by which that may miss from log to log
 LAG_COARSE = 1e-4  # s
 LAG_FINE = 2e-5  # s
-MOVE_SHARE_LEAST = 0.25  # of a log's energy that the motor's orders have, or it is another move
+MOVE_SHARE_LEAST = 0.25  # of a log's energy beside noise that the orders have, or it is another move
+DURATION_MISS = 0.05  # share of its time by which a move may miss it
+DURATION_SIGMAS = 4.0  # standard deviations of what noise adds to that
+SPEED_SMOOTHING = 0.1  # s: the orders' speeds are no move's
+HEARD_SIGMAS = 5.0  # standard deviations of noise's energy, by which a move stands out of it
+REST_SAMPLES = 250  # before or after a move, that tell the noise
+RING_TIME = 0.2  # s, for which a carriage rings after a move
 # How much faster or slower a move is looked for, and the grid of its start, s. Far away a coarse one will do.
 PACES = {
     **dict.fromkeys((1.02, 1.04, 1.07, 1.1), START_GRID),
@@ -63,15 +70,29 @@ PROBE_ROUNDS = 3  # after which the probe's share in each order has settled
 class Blocks:
     """Coefficients of a ramp's blocks: rows of blocks, columns of FITTED_ORDERS. Speeds are in m/s.
 
-    `variance`: of a coefficient's parts. `energy`: of the orders, over that of the rate, m^2/s^4; `share`: of
-    the blocks' energy that the orders have.
+    `variance`: of a coefficient's parts. `energy`: the sum of squares that the orders explain, m^2/s^4, and
+    `rest`: what is left. White noise of variance 1 would give them `energy_freedom` and `rest_freedom`.
     """
 
     speeds: Numbers
     coefficients: ComplexNumbers
     variance: Numbers
     energy: float
-    share: float
+    rest: float
+    energy_freedom: int
+    rest_freedom: int
+
+    def share(self, noise: float) -> float:
+        """What the orders have of the energy beside noise of this variance; 0: no more than noise."""
+        own = self.energy - self.energy_freedom * noise
+        if own <= chance(self.energy_freedom, noise):
+            return 0.0
+        return own / (own + max(self.rest - self.rest_freedom * noise, 0.0))
+
+
+def chance(freedom: int, noise: float) -> float:
+    """What noise of this variance may add to so many squares, beyond its mean."""
+    return HEARD_SIGMAS * math.sqrt(2 * freedom) * noise
 
 
 @lru_cache(maxsize=len(PACES))
@@ -95,6 +116,7 @@ def blocks(run: Run, start: float, move: Move, wavelength: float, modes: tuple[f
     """Fit the orders in each block, where the move begins at this time of the log."""
     speeds, rows, variances = [], [], []
     explained = rest = 0.0
+    energy_freedom = rest_freedom = 0
     for begin, end in block_edges(move, wavelength):
         first, last = np.searchsorted(run.times, [start + begin, start + end])
         if last - first < BLOCK_SAMPLES:
@@ -115,18 +137,22 @@ def blocks(run: Run, start: float, move: Move, wavelength: float, modes: tuple[f
         variances.append(variance)
         explained += count * 0.5 * float(np.sum(np.abs(fit.values) ** 2))
         rest += count * noise
+        energy_freedom += 2 * len(orders)
+        rest_freedom += count - 2 * len(orders) - 2 - len(ringing)
     return Blocks(
-        np.array(speeds),
-        np.array(rows).reshape(-1, len(FITTED_ORDERS)),
-        np.array(variances).reshape(-1, len(FITTED_ORDERS)),
-        explained,
-        explained / (explained + rest) if explained else 0.0,
+        speeds=np.array(speeds),
+        coefficients=np.array(rows).reshape(-1, len(FITTED_ORDERS)),
+        variance=np.array(variances).reshape(-1, len(FITTED_ORDERS)),
+        energy=explained,
+        rest=rest,
+        energy_freedom=energy_freedom,
+        rest_freedom=rest_freedom,
     )
 
 
-def matched_energy(run: Run, start: float, move: Move, wavelength: float) -> float:
+def matched_energy(run: Run, start: float, move: Move, wavelength: float, noise: float = 0.0) -> float:
     """About what `blocks` gives as `energy`, from each order's correlation alone: orders of whole turns are
-    orthogonal. It takes a tenth of the time.
+    orthogonal. It takes a tenth of the time. What white noise of this variance adds is taken off.
     """
     edges = [start + t for t in (0.0, *(t for edge in block_edges(move, wavelength) for t in edge))]
     first, *bounds = np.searchsorted(run.times, edges)
@@ -136,7 +162,7 @@ def matched_energy(run: Run, start: float, move: Move, wavelength: float) -> flo
     turns = run.sign * move.position_at(run.times[samples] - start) / wavelength
     wave = np.exp(-1j * math.tau * turns)
     product = (run.acceleration[samples] - np.mean(run.acceleration)).astype(complex)
-    energy = 0.0
+    energy = -2.0 * len(FITTED_ORDERS) * np.count_nonzero(sound) * noise
     for n in range(1, max(FITTED_ORDERS) + 1):
         product = product * wave
         if n in FITTED_ORDERS:
@@ -145,7 +171,9 @@ def matched_energy(run: Run, start: float, move: Move, wavelength: float) -> flo
     return energy
 
 
-def coarse_start(run: Run, move: Move, wavelength: float, grid: float = START_GRID) -> tuple[float, float]:
+def coarse_start(
+    run: Run, move: Move, wavelength: float, grid: float = START_GRID, noise: float = 0.0
+) -> tuple[float, float]:
     """The time of the log at which the move begins, s, within `grid`, and the orders' energy there.
 
     The energy is zero if the log is shorter than the move.
@@ -154,7 +182,7 @@ def coarse_start(run: Run, move: Move, wavelength: float, grid: float = START_GR
     if last < first:
         return first, 0.0
     starts = np.arange(first, last + grid, grid)
-    energies = [matched_energy(run, float(start), move, wavelength) for start in starts]
+    energies = [matched_energy(run, float(start), move, wavelength, noise) for start in starts]
     k = int(np.argmax(energies))
     return float(starts[k]), energies[k]
 
@@ -163,14 +191,16 @@ def check_pace(run: Run, start: float, move: Move, wavelength: float) -> None:
     """StudyError: the log has a faster or slower move than this, which seemed to begin at `start`.
 
     A ramp of another speed, a way of another length and a clock that is off all change how fast the orders
-    sweep. Their energy is then larger for a move of another pace.
+    sweep. Their energy is then larger for a move of another pace, by more than noise may add.
     """
-    own_energy = matched_energy(run, start, move, wavelength)
+    noise = noise_at_rest(run, start, move)
+    freedom = 2 * len(FITTED_ORDERS) * len(block_edges(move, wavelength))
+    own_energy = matched_energy(run, start, move, wavelength, noise) + chance(freedom, noise)
     best, best_energy = 1.0, own_energy
     for step, grid in PACES.items():
         for pace in (1 / step, step):
             other = Move(move.length, pace * move.speed, pace**2 * move.acceleration)
-            _, energy = coarse_start(run, other, wavelength, grid)
+            _, energy = coarse_start(run, other, wavelength, grid, noise)
             if energy > best_energy:
                 best, best_energy = pace, energy
     if best_energy > own_energy:
@@ -181,11 +211,47 @@ def check_pace(run: Run, start: float, move: Move, wavelength: float) -> None:
         )
 
 
+def half_time(times: Numbers, acceleration: Numbers) -> float:
+    """From when to when a speed is above half its largest, s; the speed is integrated from rest to rest.
+
+    It does not depend on the sensor's scale, which may be off by a tenth, as a way would.
+    """
+    steps = np.diff(times)
+    middles = 0.5 * (acceleration[1:] + acceleration[:-1])
+    middles = middles - float(middles @ steps) / float(np.sum(steps))
+    width = max(1, round(SPEED_SMOOTHING / float(np.mean(steps))))
+    speed = np.convolve(np.cumsum(middles * steps), np.ones(width) / width, "same")
+    speed = speed * np.sign(speed[np.argmax(np.abs(speed))])
+    fast = np.flatnonzero(speed > 0.5 * np.max(speed))
+    return float(times[fast[-1]] - times[fast[0]])
+
+
+def check_duration(run: Run, start: float, move: Move) -> None:
+    """StudyError: the move takes another time than this, by more than noise may add to an integral.
+
+    Here a way that is too short shows even where its orders sweep nearly as they should.
+    """
+    t = run.times - start
+    moving = (t > 0) & (t < move.duration)
+    planned = np.where(moving, move.acceleration * np.where(t < move.duration / 2, 1.0, -1.0), 0.0)
+    span = float(run.times[-1] - run.times[0])
+    doubt = math.sqrt(noise_at_rest(run, start, move) * span / run.rate) / (2 * move.acceleration)
+    expected = half_time(run.times, planned)
+    ratio = half_time(run.times, run.acceleration) / expected
+    if abs(ratio - 1) > DURATION_MISS + DURATION_SIGMAS * doubt / expected:
+        raise StudyError(
+            f"{run.name}: the move takes about {ratio:.2f} times as long as {1e3 * move.length:.4g} mm with "
+            f"up to {1e3 * move.top_speed:.4g} mm/s: expected the --drive-config file of --plan"
+        )
+
+
 def find_start(run: Run, move: Move, wavelength: float) -> float:
     """The time of the log at which the move begins: where the orders take most of its energy.
 
     That is the least squares of the whole log, since what lies outside the move is not explained. The share
     of the blocks alone would be larger at a wrong start whose blocks leave the loud part of the log out.
+
+    Noise that the log has before and after the move, such as a fan's, says nothing of the move.
 
     StudyError: the log is shorter than the move, or has not the move's orders.
     """
@@ -200,13 +266,29 @@ def find_start(run: Run, move: Move, wavelength: float) -> float:
         starts = start + step * np.arange(-count, count + 1)
         fits = [blocks(run, float(s), move, wavelength) for s in starts]
         k = int(np.argmax([fit.energy for fit in fits]))
-        start, share = float(starts[k]), fits[k].share
+        start, fit = float(starts[k]), fits[k]
+    noise = noise_at_rest(run, start, move)
+    share = fit.share(noise)
+    if not share and noise:
+        raise StudyError(
+            f"{run.name}: the motor's orders are lost in noise of {math.sqrt(noise):.2g} m/s^2: expected the "
+            "move that --plan writes for this axis, and less noise, such as without fans"
+        )
     if share < MOVE_SHARE_LEAST:
         raise StudyError(
             f"{run.name}: only {share:.0%} of the log's energy is at the motor's orders: expected the move "
             "that --plan writes for this axis; check motor, step_angle, pulley_teeth and travel"
         )
     return start
+
+
+def noise_at_rest(run: Run, start: float, move: Move) -> float:
+    """Variance of the acceleration before or after the move, whichever is quieter, m^2/s^4.
+
+    0: the log has too little of both.
+    """
+    sides = (run.times < start - START_GRID, run.times > start + move.duration + RING_TIME)
+    return min((float(np.var(run.acceleration[s])) for s in sides if np.sum(s) >= REST_SAMPLES), default=0.0)
 
 
 def displacement(run: Run) -> float:
@@ -353,6 +435,27 @@ def psi_of(pair: Pair, probe: complex) -> tuple[complex, float]:
     return solve(np.ones(count)), spread(values)
 
 
+def order_ripple(pair: Pair, lever: complex, n: int, move: Move, wavelength: float) -> OrderRipple:
+    """The carriage's ripple by an order, before and after a correction. `lever`: this over the probe.
+
+    A block with the correction would have A0 + lever (A1 - A0). Slow blocks are left out: the speed changes
+    so much within their few waves that an acceleration belongs to no single way.
+    """
+    spreads = np.maximum(BLOCK_SPEED, BLOCK_TURNS * wavelength * move.acceleration / pair.speeds)
+    bins = np.round(pair.speeds / BLOCK_SPEED)
+    bins[spreads > SPREAD_MOST * pair.speeds] = np.nan
+    after = pair.plain + lever * (pair.probed - pair.plain)
+    doubt = (abs(1 - lever) ** 2 + abs(lever) ** 2) / pair.weights
+    chosen = [bins == k for k in np.unique(bins[np.isfinite(bins)])]
+    speeds = np.array([np.mean(pair.speeds[rows]) for rows in chosen])
+    squares = (np.abs(pair.plain) ** 2, np.abs(after) ** 2, doubt)
+    ways = (
+        np.sqrt([np.mean(square[rows]) for rows in chosen]) / (math.tau * n * speeds / wavelength) ** 2
+        for square in squares
+    )
+    return OrderRipple(speeds, *ways)
+
+
 def refined_start(
     run: Run,
     plain: Blocks,
@@ -397,6 +500,7 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         start = find_start(run, move, wavelength)
         if run is runs[0][0]:
             check_pace(run, start, move, wavelength)
+            check_duration(run, start, move)
         modes = ringing_modes(run, start, move, wavelength)
         remarks = remarks or other_causes(axis, run, start, modes)
         plain = blocks(run, start, move, wavelength, modes)
@@ -442,4 +546,8 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         moved[n] / abs(probe[n]) / (math.tau * frequencies[n]) ** 2 * (math.tau / wavelength) for n in pairs
     ]
     answer = Answer(np.concatenate(list(frequencies.values())), np.concatenate(ratios))
-    return Lines(coefficients, answer, remarks)
+    ripple = {
+        n: order_ripple(pair, coefficients[n].value / probe[n], n, move, wavelength)
+        for n, pair in pairs.items()
+    }
+    return Lines(coefficients, answer, remarks, ripple)

@@ -19,6 +19,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 
 from cogless import units
 from cogless.study.laws.law import Base
+from cogless.study.mechanics import Belt
 from cogless.study.metric import Conditions, Metric
 from cogless.study.table import Frequency, Line, Many, Quantity, StudyKeys, Table, dotted_keys, invalid
 from cogless.units import ANGLE, ANGULAR_SPEED, Dimension, UnitError, factor, unit_of
@@ -426,6 +427,10 @@ class StudyBase(Table):
     @abstractmethod
     def conditions(self, scenario: str) -> Conditions:
         """What metrics of a scenario need besides a trace."""
+
+    def belt(self, scenario: str) -> Belt | None:
+        """The belt that pulls a carriage in a scenario; None: there is none, or it has no runs of speed."""
+        return None
 
     @abstractmethod
     def values_of(self, metric: Metric, scenario: str) -> int:

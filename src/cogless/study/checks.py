@@ -57,6 +57,9 @@ def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> Non
         raise invalid(expected, *where, "time")
 
 
+TRACE_OVER_ACCELEROMETER = (
+    4  # rows of the trace for each sample: their mean acceleration has the sample's value
+)
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -188,6 +191,25 @@ def sensor_side(study: Study | TrialStudy) -> None:
         raise invalid(f"{expected}: the load's angle does not determine the motor's", *key)
 
 
+def accelerometer(study: Study) -> None:
+    """Check that the trace is fine enough for the samples of an accelerometer, and that a log has some."""
+    belt = study.mechanics.belt
+    if belt is None or belt.accelerometer is None:
+        return
+    sensor, key = belt.accelerometer, ("mechanics", "belt", "accelerometer")
+    least = TRACE_OVER_ACCELEROMETER * sensor.rate
+    if study.trace_rate < least * (1 - 1e-9):
+        expected = f"expected at most {study.trace_rate / TRACE_OVER_ACCELEROMETER:g} Hz, or trace.rate of"
+        raise invalid(f"{expected} {least:g} Hz or more", *key, "rate", value=f"{sensor.rate:g} Hz")
+    shortest = min(scenario.duration for scenario in study.scenario.values())
+    if sensor.late >= shortest / 2:
+        raise invalid(f"expected less than {shortest / 2:g} s, half the shortest run", *key, "late")
+    logs = [f"{name}-{controller}" for name in study.scenario for controller in study.controllers_in(name)]
+    if len(set(logs)) < len(logs):
+        twice = next(log for log in logs if logs.count(log) > 1)
+        raise invalid(f'expected other names of runs, since two have the log "{twice}"', *key)
+
+
 def calibration(study: StudyBase) -> None:
     """Check that targets name existing runs and metrics, and that their values suit the metric's kind."""
     if study.calibration is None:
@@ -239,6 +261,7 @@ SPEED_CHECKS: tuple[Check, ...] = (
     feedback_under_guard,
     slots,
     faults,
+    accelerometer,
     calibration,
 )
 # Checks of the whole study only; the others are also made for each scenario with its overrides.

@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from cogless import units
 from cogless.study.table import (
+    AccelerationMagnitude,
     Angle,
     AngleMagnitude,
     AngularSpeedMagnitude,
@@ -214,6 +215,26 @@ class LoadSide(Mass):
         return 1 / self.ratio - spread, 1 / self.ratio + spread
 
 
+class Accelerometer(Table):
+    """An accelerometer on a carriage, whose logs `cogless run` writes as Klipper does."""
+
+    axis: Literal["x", "y"]
+    """Axis of the sensor along which the carriage moves. It is in the logs' names, too."""
+    rate: Frequency = 3200.0  # Hz
+    """Samples per second. `trace.rate` must be at least four times as high."""
+    rate_error: Annotated[float, Field(ge=0, le=0.1)] = 0.0
+    """Share by which the sensor's own clock is off at most, at random in each log. Klipper measures this, so
+    that the times in a log are right."""
+    noise: AccelerationMagnitude = 0.0  # m/s^2
+    """Standard deviation of the noise of each sample and axis."""
+    resolution: AccelerationMagnitude = 0.0  # m/s^2
+    """Step of the samples, such as 0.0392 m/s^2 of an ADXL345. 0: none."""
+    late: Time = 0.0  # s
+    """Most by which a log begins after the run, at random in each log."""
+    logs: Annotated[int, Field(ge=1, le=100)] = 1
+    """Logs of each run, each with noise, clock and beginning of its own."""
+
+
 class Belt(Table):
     """A toothed belt on the motor's pulley that pulls a carriage: a `load_side` in the carriage's words."""
 
@@ -232,6 +253,8 @@ class Belt(Table):
     """Damping of that swinging over the critical one."""
     friction: Force = 0.0  # N
     """Friction force of the carriage while it moves."""
+    accelerometer: Accelerometer | None = None
+    """A sensor of which each run has logs. It changes nothing else."""
 
     @model_validator(mode="after")
     def _one_word(self) -> Self:

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr
 from cogless.study.base import StudyBase, Timing
 from cogless.study.drive import OUTER_LOOPS, Drive, StarBelief
 from cogless.study.laws import Controller
-from cogless.study.mechanics import Mechanics
+from cogless.study.mechanics import Belt, Mechanics
 from cogless.study.metric import Conditions, Metric
 from cogless.study.motor import AnyMotor
 from cogless.study.scenario import Scenario
@@ -93,7 +93,7 @@ class Study(StudyBase):
 
     def conditions(self, scenario: str) -> Conditions:
         in_scenario = self.in_scenario(scenario)
-        motor, belt = in_scenario.motor.star(), in_scenario.mechanics.belt
+        motor, belt = in_scenario.motor.star(), self.belt(scenario)
         return Conditions(
             pole_pairs=motor.pole_pairs,
             R_s=motor.R_s,
@@ -103,6 +103,9 @@ class Study(StudyBase):
             carriage_radius=math.nan if belt is None else belt.radius,
             events=tuple(event.time for event in in_scenario.scenario[scenario].events),
         )
+
+    def belt(self, scenario: str) -> Belt | None:
+        return self.in_scenario(scenario).mechanics.belt
 
     def values_of(self, metric: Metric, scenario: str) -> int:
         return len(self.columns_of(metric))

@@ -237,6 +237,13 @@ def integration(study: TrialStudy) -> None:
     numerics.check_dead_time(study.drive)
 
 
+def no_accelerometer(study: TrialStudy) -> None:
+    """Refuse an accelerometer, of which only runs of speed have logs."""
+    belt = None if study.mechanics is None else study.mechanics.belt
+    if belt is not None and belt.accelerometer is not None:
+        raise invalid("expected none, in a study of trials", "mechanics", "belt", "accelerometer")
+
+
 Check = Callable[["TrialStudy"], None]
 TRIAL_CHECKS: tuple[Check, ...] = (
     plant,
@@ -247,6 +254,7 @@ TRIAL_CHECKS: tuple[Check, ...] = (
     trace_rate,
     conditions,
     controllers,
+    no_accelerometer,
     integration,
     metric_checks.of_trials,
     checks.faults,
