@@ -17,7 +17,7 @@ from cogless.errors import StudyError
 from cogless.printer.axis import read_axis
 from cogless.printer.corrections import Coefficient
 from cogless.printer.moves import ramp
-from cogless.printer.ramps import check_duration, check_pace, find_start
+from cogless.printer.ramps import HIDDEN_PACE, check_duration, check_pace, find_start
 from cogless.printer.records import Run
 
 Records = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
@@ -146,6 +146,26 @@ def test_noise_makes_no_move_seem_of_another_time_or_pace(
             assert start == pytest.approx(0.0, abs=0.015)
             check_duration(run, start, ramp(axis))
         check_pace(run, start, ramp(axis), axis.wavelength)
+
+
+@pytest.mark.parametrize(("noise", "hides"), [(0.1, False), (1.0, False), (3.0, True)])
+def test_noise_that_hides_wrong_teeth_is_told(
+    noise: float, hides: bool, records: Records, tmp_path: Path
+) -> None:
+    """With 18 teeth in the file for 20 the log is refused, or the remark says that it may not be."""
+    rng = np.random.default_rng(2)
+    t, values = records["forward", "plain"]
+    times, x = sampled(t, values[:, 0], rng, 3200, noise, start=-0.5, end=t[-1] + 0.3)
+    run = Run("a.csv", "forward", times, x, {})
+    for teeth in (20, 18):
+        (tmp_path / "printer.toml").write_text(FILE.replace("pulley_teeth = 20", f"pulley_teeth = {teeth}"))
+        axis = read_axis(tmp_path / "printer.toml")
+        start = find_start(run, ramp(axis), axis.wavelength)
+        if teeth == 18 and not hides:
+            with pytest.raises(StudyError, match=r"^a\.csv: the move is about 0\.\d\d times as fast as "):
+                check_pace(run, start, ramp(axis), axis.wavelength)
+        else:
+            assert check_pace(run, start, ramp(axis), axis.wavelength) == (HIDDEN_PACE if hides else "")
 
 
 @pytest.mark.parametrize(("noise", "words"), [(3.0, "expected the move"), (0.0, "of the log's energy")])
