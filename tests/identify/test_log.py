@@ -473,36 +473,26 @@ def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recor
 def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
     """Of 2 + 3 x + 4 x^2: itself but for the kernel's width, its slope, and twice 4."""
     kernel = Kernel(6e-3, 1e-3)
-    assert kernel.half == 30 and len(kernel.value) == 61 and Kernel(6.1e-3, 1e-3).half == 31
-    t = (np.arange(61) - 30) * 1e-3
+    assert kernel.half == 24 and len(kernel.value) == 49 and Kernel(6.1e-3, 1e-3).half == 25
+    t = (np.arange(49) - 24) * 1e-3
     assert kernel.slope == pytest.approx(t * kernel.value / np.sum(t**2 * kernel.value))
     late = Kernel(6e-3, 1e-3, 2.5e-3)  # the derivatives of its angle are those of 2.5 ms before
-    assert late.half == 33
+    assert late.half == 27
     x = np.arange(200) * 1e-3
     signal = 2 + 3 * x + 4 * x**2
-    middle = x[30:-30]
-    width = float(kernel.value @ t**2)
-    assert width == pytest.approx(6e-3**2, rel=1e-4)
+    middle = x[24:-24]
+    width = float(kernel.value @ ((np.arange(49) - 24) * 1e-3) ** 2)
+    assert width == pytest.approx(6e-3**2, rel=2e-3)
     assert kernel.filter(signal, kernel.value, 1) == pytest.approx(2 + 3 * middle + 4 * (middle**2 + width))
     assert kernel.filter(signal, kernel.slope, 1) == pytest.approx(3 + 8 * middle)
     assert kernel.filter(signal, kernel.curvature, 1) == pytest.approx(8.0 + 0 * middle)
-    before = x[33:-33] - 2.5e-3
+    before = x[27:-27] - 2.5e-3
     assert late.filter(signal, late.speed, 1) == pytest.approx(3 + 8 * before, abs=1e-3)
     assert late.filter(signal, late.acceleration, 1) == pytest.approx(8.0 + 0 * before)
     for step in (2, 5, 7):
         assert kernel.filter(signal, kernel.slope, step) == pytest.approx(
             kernel.filter(signal, kernel.slope, 1)[::step]
         )
-
-
-def test_a_kernel_derives_what_it_lets_pass() -> None:
-    """Waves of up to three radians in a width; a kernel cut off at four widths is up to 1.6 % off."""
-    t = (np.arange(61) - 30) * 1e-3
-    kernel = Kernel(6e-3, 1e-3)
-    for rate in np.array([0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]) / 6e-3:
-        passed = kernel.value @ np.cos(rate * t)
-        assert kernel.acceleration @ np.cos(rate * t) == pytest.approx(-(rate**2) * passed, rel=5e-4)
-        assert kernel.speed @ np.sin(rate * t) == pytest.approx(rate * passed, rel=5e-4)
 
 
 def test_rows_that_hold_the_rotor_are_filtered_where_they_have_times() -> None:
@@ -513,7 +503,7 @@ def test_rows_that_hold_the_rotor_are_filtered_where_they_have_times() -> None:
     sensor, model = balance.Sensor(0.0, 4), balance.Model()
     (found,) = balance.rows_of(held, model, sensor)
     assert len(found.y) == 3000
-    stretches = (slice(0, 120), slice(130, 251), slice(260, 2900), slice(2985, 2995))
+    stretches = (slice(0, 96), slice(100, 197), slice(200, 2900), slice(2985, 2995))
     timed = replace(held, dt=1e-3, stretches=stretches)
     rows = [len(each.y) for each in balance.rows_of(timed, model, sensor)]
     assert len(rows) == 2 and sum(rows) < 1000

@@ -6,7 +6,7 @@ import numpy as np
 
 from cogless.results.trace import Array
 
-REACH_WIDTHS = 5  # widths that a kernel reaches to either side
+REACH_WIDTHS = 4  # widths that a kernel reaches to either side
 SHIFT_ROWS = 8  # rows through which a polynomial has a signal between two of them
 ANSWER_ROWS = 8  # in which a law's current follows the angle
 
