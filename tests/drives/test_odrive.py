@@ -212,7 +212,7 @@ def test_files_that_do_not_fit_are_one_line(
             "moteus",
             "--drive-config",
             config,
-        ): f"{log}: ODrive, a capture of firmware 0.5: expected",
+        ): f"{log}: by its first lines ODrive, a capture of firmware 0.5: expected",
         (log, "--drive-config", other): f"{other}: not readable as JSON: expected the JSON of odrivetool",
     }
     for arguments, message in cases.items():

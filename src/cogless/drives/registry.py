@@ -184,10 +184,10 @@ def prepare(
         adapter = adapter_named(drive, "--drive")
         match = recognised(paths[0])
         if match is not None and match[0] is not adapter:
-            found, kind = match
+            other, kind = match
             raise StudyError(
-                f"{paths[0]}: by its first lines {found.title}, {kind}: expected a log of {adapter.title}, "
-                f"or --drive {found.name}"
+                f"{paths[0]}: by its first lines {other.title}, {kind}: expected a log of {adapter.title}, "
+                f"or --drive {other.name}"
             )
     if adapter.read_logs is None:
         raise StudyError(

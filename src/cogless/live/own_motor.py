@@ -266,8 +266,8 @@ def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values:
                 raise _no_product(number, f": {mine!r} as a product, {x!r} by the design")
 
 
-def _no_product(number: Number, found: str) -> StudyError:
+def _no_product(number: Number, difference: str) -> StudyError:
     return StudyError(
-        f"--own-motor: {number.path}: expected a product of powers of the motor's values{found}; "
+        f"--own-motor: {number.path}: expected a product of powers of the motor's values{difference}; "
         "cogless live takes the study without --own-motor"
     )
