@@ -320,9 +320,9 @@ def test_hall_sensors_have_shares_of_their_steps_and_of_their_places():
 
 
 def test_a_stepper_of_fifty_pole_pairs_is_limited_by_its_detent(study):
-    """The detent's rate is sqrt(200 T / J) = 97 Hz, above the crossover. It makes nearly all the ripple."""
+    """The detent pulls at sqrt(200 T / J) = 137 Hz, above the crossover. It makes nearly all the ripple."""
     motor = {"pole_pairs": 50, "R_s": "1.5 ohm", "L_d": "2.8 mH", "L_q": "2.8 mH", "K_t": "0.26 N*m/A"}
-    detent = {"cogging": [{"order": 200, "torque": "10 mN*m"}]}
+    detent = {"cogging": [{"order": 200, "torque": "20 mN*m"}]}
     nema = {
         "motor": {**motor, **detent, "slots": 48},
         "mechanics": {"inertia": "54 g*cm^2"},

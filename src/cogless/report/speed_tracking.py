@@ -90,6 +90,7 @@ MONITOR_EFFECTS = {
     Status.ANGLE_LOST: "doesn't believe the measured speed",
 }
 MONITORED_SHARE = 0.1  # share of the rows: less is a fault that a speed outlives
+ERROR_MISSED = "error "  # begins how a speed missed its reference, where its mean did not
 LIMIT_NOTE = ", at the limit of current or voltage"
 ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
 
@@ -177,4 +178,4 @@ def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
     most = JERKS_RATIO * size if abs(mean_reference) > ONE_WAY * size else LOST_SPEED_RATIO * amplitude
     if error <= (most or drift):
         return ""
-    return f"error {number(error)} {unit} rms, reference {number(amplitude)} {unit} rms"
+    return f"{ERROR_MISSED}{number(error)} {unit} rms, reference {number(amplitude)} {unit} rms"

@@ -35,6 +35,7 @@ from cogless.report.comparison import (
 from cogless.report.faults import account
 from cogless.report.limit_sentences import remark
 from cogless.report.panels import varies_in
+from cogless.report.speed_tracking import ERROR_MISSED
 from cogless.report.verdicts import (
     EQUAL_DIFFERENCE,
     REPORTED_RATIO,
@@ -160,6 +161,13 @@ class _Case(Contest):
         return sorted(numbers, key=lambda c: (numbers[c], c))
 
     @cached_property
+    def jerking(self) -> list[str]:
+        """Controllers that held the mean speed only, the best first."""
+        numbers = {c: v for c, v in self.line.values.items() if v is not None}
+        jerking = [c for c, how in self.line.missed.items() if how.startswith(ERROR_MISSED) and c in numbers]
+        return sorted(jerking, key=lambda c: (numbers[c], c))
+
+    @cached_property
     def winners(self) -> list[str]:
         """The best controller, and those whose values are equal to its value within `EQUAL_DIFFERENCE`."""
         return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + EQUAL_DIFFERENCE]
@@ -198,10 +206,13 @@ class Judged:
 
 
 def judged(results: Results, scenario: str) -> Judged | None:
-    """The best run of a scenario; None if no run is."""
+    """The best run of a scenario; None if no run is.
+
+    Where none holds its speed, it is the best that holds its mean.
+    """
     runs = runs_in(results, scenario)
     case = _seen_case(results, runs)
-    best = next(iter(case.ranked or case.holding), None) if case is not None else None
+    best = next(iter(case.ranked or case.holding or case.jerking), None) if case is not None else None
     if case is None or best is None:
         return None
     metric = _metric_of(results, scenario, case.line)
