@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from cogless.identify.kernel import REACH_WIDTHS, Kernel, shifted
+from cogless.identify.kernel import REACH_WIDTHS, Kernel, shifted, white_noise
 from cogless.identify.log import Log
-from cogless.identify.standing import angle_noise, creep_speed, resolved_angle, slowest_speed, standing
 from cogless.results.trace import Array
 
 LADDER = (0.006, 0.009, 0.013, 0.02, 0.03, 0.045, 0.07, 0.1)  # s, widths of the acceleration's instruments
@@ -28,8 +27,8 @@ ROW_SPACING = 0.8  # distance of the rows that stay, in widths of the kernel
 # rad that a visible wave turns in a row, and in a period of the law, at most
 SEEN_PHASE, HELD_PHASE = 2.4, 1.2
 ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own where its phase is not known
-STANDING_SHARE_MOST = 0.01  # share of a row in which the rotor may stand
 KERNEL_WIDTH = 6e-3  # s, before the noises are known
+CREEP_SHARE = 0.05  # share of a log's median speed
 WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
 WIDTH_ROWS = 2.5  # smallest width of a kernel
 Name = tuple[str | int, ...]
@@ -171,8 +170,6 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     direct = log["i_d"][stretch] if "i_d" in log and not coasts else zero
     turned = shifted(theta, -model.delay / dt)  # The angle is taken at the current's time.
     slow = np.convolve(np.gradient(turned, dt), kernel.value, "same")
-    noise, creep = angle_noise(log["theta"][stretch], sensor.step), creep_speed(slow)
-    stands = standing(turned, dt, creep, resolved_angle(sensor.step, noise), width)
     way = np.sign(slow)
 
     def filtered(x: Array, weights: Array = kernel.value) -> Array:
@@ -194,12 +191,12 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     if "torque" in log:
         y = y - filtered(log["torque"][stretch])
     moved = np.abs(omega) * dt / sensor.step if sensor.step else np.ones(count)
-    share = np.minimum(1.0, moved) * noise  # slower, the steps are a sawtooth
+    # slower, the steps are a sawtooth
+    share = np.minimum(1.0, moved) * angle_noise(log, stretch, sensor.step)
     derived = {("j",): kernel.acceleration, ("b",): kernel.speed}
-    # at a reversal the rotor does not slide
-    slowest = max(slowest_speed(sensor.step, REACH_WIDTHS * width), creep, 1e-9)
-    sliding = (np.abs(rubbing) > 0.999) & (filtered(stands.astype(np.float64)) < STANDING_SHARE_MOST)
-    free = sliding & (np.abs(omega) > slowest)
+    creeping = CREEP_SHARE * float(np.median(np.abs(slow)))  # at a reversal friction is not that of sliding
+    slowest = max(_slowest(sensor.step, REACH_WIDTHS * width), creeping, 1e-9)
+    free = (np.abs(rubbing) > 0.999) & (np.abs(omega) > slowest)
     at = (kernel.half + step * np.arange(count)).astype(np.float64)
     middle = turned[kernel.half : kernel.half + step * count : step]
     instruments = _instruments(alpha, step * dt)
@@ -272,6 +269,17 @@ def _faded(seen: NDArray[np.bool_], width: float) -> Array:
     is the same in all ramps over the same angles, and which an inertia takes up.
     """
     return np.asarray(gaussian_filter1d(seen.astype(np.float64), width, mode="nearest"))
+
+
+def angle_noise(log: Log, stretch: slice, step: float) -> float:
+    """Variance of the angle's noise, rad^2: as it is measured, within what the sensor's steps explain."""
+    measured = white_noise(log["theta"][stretch])
+    return min(max(measured, step**2 / 24), step**2 / 6) if step else measured
+
+
+def _slowest(step_angle: float, window: float) -> float:
+    """Speed from which on a rotor surely turns, rad/s: some counts within the kernel."""
+    return 2 * step_angle / window
 
 
 def _instruments(alpha: Array, spacing: float) -> Array:

@@ -18,6 +18,7 @@ from cogless.identify.balance import (
     Name,
     Rows,
     Sensor,
+    angle_noise,
     rows_of,
 )
 from cogless.identify.cogging_orders import FALSE_ALARM, ORDER_CHANCE, found_orders
@@ -26,7 +27,6 @@ from cogless.identify.jackknife import LARGEST_INFLATION, Equations, Fit
 from cogless.identify.kernel import white_noise
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value, Wave, wave_of
-from cogless.identify.standing import angle_noise
 from cogless.units import TURN
 
 ORDERS_MOST = 48
@@ -143,7 +143,7 @@ class Logs:
         widest = min(KERNEL_WIDEST, 1 / max(6 * self.poles * self._slowest, 1e-9))
         widths = {}
         for log in self.moving:
-            angle = angle_noise(log["theta"][stretches[log.name]], self.identification.step)
+            angle = angle_noise(log, stretches[log.name], self.identification.step)
             current = currents.get(log.name) or mean
             meeting = np.sqrt(np.sqrt(current / max(angle, 1e-300)) / j) / TURN
             least = self._narrowest(log)

@@ -14,7 +14,6 @@ from cogless.identify.config import Identification
 from cogless.identify.jackknife import Fit, fit, jackknife
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
-from cogless.identify.standing import SLIPS_LEAST
 from cogless.results.trace import Array
 from cogless.units import TURN
 
@@ -22,7 +21,7 @@ SPEED_DIFFERENCE = 0.15  # relative: speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
 FEEDBACK_LAGS = 6  # lags from 0 samples on that are tried
 STILL_SHARE, STILL_TIME = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
-SLIP_ROWS = 4  # rows of a slip's speed
+SLIPS_LEAST, SLIP_ROWS = 3, 4  # motions after which a rotor sticks; rows of their speed
 FRICTION_DIFFERENCE = 0.2  # relative difference between logs that is told
 PHASE_DIFFERENCE = 0.35  # rad of the strongest order's phase between logs, likewise
 LOG_PARTS = 12  # parts of a log, by which what it shows by itself has an error
