@@ -193,8 +193,8 @@ def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
     assert u == pytest.approx(15 / math.sqrt(3), rel=1e-4)
     assert low["fast"] == pytest.approx(3 * low["one-speed"], rel=1e-4)
     assert plan.lowered(load(tmp_path / "motor.toml")) == (
-        f"The plan's speeds end at {top * 30 / math.pi:.4g} rpm: beyond it 15 V do not drive the current "
-        "that friction, cogging and turning around take."
+        f"The plan's speeds end at {top * 30 / math.pi:.4g} rpm: at more 15 V are too little for the current "
+        "that friction, cogging and reversals take."
     )
     (results,) = rollout([load(tmp_path / "study.toml")], ["fast/*"], jobs=1)
     trace = results.runs[0].trace

@@ -98,7 +98,7 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     if constant and share < FOLLOWING_SHARE * time * speed / period:
         return f"the rotor turned by {share:.2g} of the law's learning period in {time:.3g} s"
     whole = f" of {period / speed:.3g} s" if constant else ""
-    return f"{time:.3g} s are {share:.2g} of its learning period{whole}"
+    return f"{time:.3g} s are {share:.2g} of the law's learning period{whole}"
 
 
 WAVE_CELLS_LEAST, WAVE_CELLS_ENOUGH = 2.0, 10.0  # cells per wavelength of the highest order

@@ -209,8 +209,8 @@ def lowered(study: AnyStudy) -> str:
     if study.drive.inverter is None or _top(played) < AT_LIMIT * most:
         return ""
     return (
-        f"The plan's speeds end at {most / RPM:.4g} rpm: beyond it {study.drive.inverter.bus_voltage:.4g} V "
-        "do not drive the current that friction, cogging and turning around take."
+        f"The plan's speeds end at {most / RPM:.4g} rpm: at more {study.drive.inverter.bus_voltage:.4g} V "
+        "are too little for the current that friction, cogging and reversals take."
     )
 
 
