@@ -68,8 +68,8 @@ def test_a_dead_time_is_told_where_it_stands_out():
     drive = Drive.model_validate(drive_tables())
     said = _said_of_dead_time(Value(2e-7, 0.9e-7), drive)
     assert said.startswith(
-        "The currents follow as if the bridge had 200 +- 90 ns more dead time than is described. This costs "
-        f"{2e-7 * 10e3 * drive.inverter.bus_voltage:.2g} V against the current"
+        "The currents follow their references as if the bridge had 200 +- 90 ns more dead time than is "
+        f"described. This takes {2e-7 * 10e3 * drive.inverter.bus_voltage:.2g} V from the voltage that drives"
     )
     for value in (Value(2e-7, 1.1e-7), Value(0.0, 0.0)):
         assert _said_of_dead_time(value, drive) == ""
@@ -206,7 +206,9 @@ def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_
     assert steps["dead times"] == pytest.approx([0.0, added, 2 * added, 3 * added])
     assert traces == {"a": "trace"}
     (said,) = found.remarks
-    assert said.startswith("The currents follow as if the bridge had 300 +- 20 ns more dead time than is")
+    assert said.startswith(
+        "The currents follow their references as if the bridge had 300 +- 20 ns more dead time than is"
+    )
     assert not isinstance(said, Advice)  # a drop of its transistors looks alike
     assert progress == [
         (f"simulation {n} of 2{more}", 0.5) for n in (1, 2) for more in ("", " with more dead time")

@@ -102,9 +102,10 @@ def _said_of_dead_time(more: Value, drive: Drive) -> str:
         return ""
     lost = more.value * drive.rates.current_loop * drive.inverter.bus_voltage
     return (
-        f"The currents follow as if the bridge had {1e9 * more.value:.0f} +- {1e9 * more.error:.0f} ns more "
-        f"dead time than is described. This costs {lost:.2g} V against the current, and is taken "
-        "into account. "
+        "The currents follow their references as if the bridge had "
+        f"{1e9 * more.value:.0f} +- {1e9 * more.error:.0f} ns more dead time than is described. "
+        f"This takes {lost:.2g} V from the voltage that drives the current. "
+        "The results allow for it. "
         "The cause may also be the voltage drop of transistors and diodes, or a wrong R_s, L_q or bandwidth "
         "of the current loop."
     )
