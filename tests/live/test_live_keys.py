@@ -18,9 +18,8 @@ from cogless.live.candidates import OF_REFERENCE, PLANT, candidates, quoted, sho
 from cogless.live.description import Number, pack, page_runs
 from cogless.live.keys import AdjustableKeys, Landing, _accepted, landed, packed
 from cogless.live.live_page import data
-from cogless.report import speed_tracking
 from cogless.report.speed_tracking import STATE_TIME_LEAST
-from cogless.results.metrics import JERKS_RATIO, MEAN_ERROR_MOST
+from cogless.results import held_speed
 from cogless.study.reading import changed
 from cogless.study.toml import sections, toml
 
@@ -269,8 +268,12 @@ def test_a_page_has_what_its_scripts_draw_and_judge_by(small):
         None,
     )
     assert (made["busy"], made["guarded"], made["moment"]) == (Status.BUSY, Status.GUARDED, STATE_TIME_LEAST)
-    limits = {"far": MEAN_ERROR_MOST, "jerks": JERKS_RATIO, "lost": speed_tracking.LOST_SPEED_RATIO}
-    limits |= {"drift": speed_tracking.REST_ERROR_MOST, "one_way": speed_tracking.ONE_WAY}
+    limits = {
+        "far": held_speed.MEAN_ERROR_MOST,
+        "jerks": held_speed.JERKS_RATIO,
+        "lost": held_speed.LOST_SPEED_RATIO,
+    }
+    limits |= {"drift": held_speed.REST_ERROR_MOST, "one_way": held_speed.ONE_WAY}
     assert made["tracking"] == limits
     named = [
         tuple(one[key] for key in ("name", "label", "colour", "baseline")) for one in made["controllers"]

@@ -10,16 +10,15 @@ from node import NO_NODE, run_node
 from cogless import load
 from cogless.live.live_page import _metric
 from cogless.report.order_charts import order_spectrum
-from cogless.report.speed_tracking import (
+from cogless.report.speed_tracking import missed, rows_of
+from cogless.results.held_speed import (
+    JERKS_RATIO,
     LOST_SPEED_RATIO,
+    MEAN_ERROR_MOST,
     ONE_WAY,
     REST_ERROR_MOST,
-    missed,
-    rows_of,
 )
 from cogless.results.metrics import (
-    JERKS_RATIO,
-    MEAN_ERROR_MOST,
     METRIC_FUNCTIONS,
     evaluate,
     result_name,

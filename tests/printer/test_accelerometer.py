@@ -194,3 +194,12 @@ def test_a_study_of_trials_refuses_a_sensor(tmp_path: Path) -> None:
         load(path)
     assert str(refused.value).startswith(f"{path}: {SENSOR}: ")
     assert str(refused.value).endswith("expected none, in a study of trials")
+
+
+def test_the_ramps_are_of_the_study_printer_s_axis() -> None:
+    """The correction that they tell is used in the study printer."""
+    ramps, printer = (load(name).source.tables for name in ("printer-ramps", "printer"))
+    own = {**ramps["mechanics"], "belt": {**ramps["mechanics"]["belt"]}}
+    del own["belt"]["accelerometer"]
+    assert own == printer["mechanics"]
+    assert [ramps[table] for table in ("motor", "drive")] == [printer[table] for table in ("motor", "drive")]

@@ -395,7 +395,7 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
 
 
 def _answer(study: Study, ranking: Ranking) -> str:
-    from cogless.design.kinds import DESIGNS
+    from cogless.design.answers import doubt
 
     speed = _rpm(next(iter(study.scenario.values())).top_reference)
     if not ranking.learned.holds:
@@ -405,8 +405,8 @@ def _answer(study: Study, ranking: Ranking) -> str:
     if not ranking.baseline.holds:
         before = f"the PI does not hold the speed ({ranking.baseline.why})"
     text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
-    doubt = DESIGNS[study.kind].doubt(study, "harmonic")
-    return f"{text} Another run may leave more: {doubt}." if doubt else text
+    why = doubt(study, "harmonic")
+    return f"{text} Another run may leave more: {why}." if why else text
 
 
 def _why_not(study: Study) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cogless import units
-from cogless.design.back_emf import is_unstable_with_back_emf, response_factors
+from cogless.design.back_emf import is_covered, is_unstable_with_back_emf, response_factors
 from cogless.design.changes import either, first
 from cogless.design.current_needed import noisy_voltage
 from cogless.design.gentler import other_law_rates
@@ -35,7 +35,6 @@ CLAUSES: dict[Kind, str] = {
     "may grow": "it may grow",
     "may be unstable": "it may be unstable",
 }
-SHOWN_BY_RUNS = "; runs with several seeds show it."
 AnswerVerdict = Literal["yes", "no", "not worth it", "not sure", "not judged"]
 
 
@@ -49,11 +48,7 @@ class Answer:
     left_out: Sequence[str] = ()  # what the drive has and the model of `settling` lacks
     remaining: Sequence[Remaining] = ()  # of `harmonic` on a sensor of counts, at constant speeds
     cures: Sequence[Changes] = ()  # each of them makes it a yes
-
-    @property
-    def doubt(self) -> str:
-        """Why it is not sure, as a clause; "" if it is sure."""
-        return self.reason.partition(SHOWN_BY_RUNS)[0] if self.verdict == "not sure" else ""
+    doubt: str = ""  # why it is not sure, as a clause
 
     @property
     def reason(self) -> str:
@@ -156,11 +151,24 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
         at_speeds = remaining(study, name, certificate)
         doubt = _limited_voltage(study, name) or _heavier_than_certified(study, certificate)
+        cures = () if doubt else _quieter_rates(study, name, at_speeds)
+        if not doubt and (worthless := _not_worth_it(study, at_speeds)):
+            return Answer(
+                "not worth it", worthless, settling=times, left_out=lacks, remaining=at_speeds, cures=cures
+            )
+        doubt = doubt or _coarse_doubt(study, at_speeds, cures)
         if doubt:
-            words = f"not sure: {doubt}{SHOWN_BY_RUNS} For small signals {settles}"
-            return Answer("not sure", words, times, lacks, at_speeds)
-        cures = _quieter_rates(study, name, at_speeds)
-        return Answer(*_beside_sensor(study, at_speeds, settles, cures), times, lacks, at_speeds, cures)
+            words = f"not sure: {doubt}; runs with several seeds show it. For small signals {settles}"
+            return Answer(
+                "not sure",
+                words,
+                settling=times,
+                left_out=lacks,
+                remaining=at_speeds,
+                cures=cures,
+                doubt=doubt,
+            )
+        return Answer("yes", settles, times, lacks, at_speeds)
     bad = next(speed for speed in speeds if not speed.fine)
     at = speed_text(study, bad.omega_m)
     if bad.snaps is not None:
@@ -181,17 +189,16 @@ def _limited_voltage(study: Study, name: str) -> str:
 
 def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
     """Why the back-EMF takes the rotor out of what the certificate covers, as a clause; "" if it does not."""
-    least, most = min(BELIEF_FACTORS), max(BELIEF_FACTORS)
     for speed in certificate.speeds:
         orders = certificate.learned_orders(speed)
         factors = response_factors(study, orders * speed.omega_m)
-        beyond = np.flatnonzero((factors < least) | (factors > most))
+        beyond = np.flatnonzero(~is_covered(factors))
         if len(beyond):
             order, factor = int(orders[beyond[0]]), factors[beyond[0]]
             return (
                 f"at {speed_text(study, speed.omega_m)} the motor's back-EMF changes the response to a "
                 f"current at order {order} by the factor {factor:.2g}; convergence is sure for factors from "
-                f"{least:g} to {most:g}"
+                f"{min(BELIEF_FACTORS):g} to {max(BELIEF_FACTORS):g}"
             )
     return ""
 
@@ -209,34 +216,31 @@ def _quieter_rates(study: Study, name: str, speeds: Sequence[Remaining]) -> tupl
     return first(study, other_law_rates(study), is_quiet)
 
 
-def _beside_sensor(
-    study: Study, speeds: Sequence[Remaining], settles: str, cures: Sequence[Changes]
-) -> tuple[AnswerVerdict, str]:
-    """Verdict and words for orders that settle, with what the position sensor leaves of it at some speed.
-
-    `cures`: changes with which it is a yes.
-    """
-    coarse = next((speed for speed in speeds if not speed.modelled), None)
+def _not_worth_it(study: Study, speeds: Sequence[Remaining]) -> str:
+    """The answer where learning leaves as much as its feedback alone at some speed; "" if it does not."""
     little = next((speed for speed in speeds if not speed.worth_it), None)
-    if little is not None:
-        parts = {
-            "the position sensor's steps": little.steps,
-            "the position sensor's error": little.error,
-            "orders that it does not learn": little.unlearned,
-            "noise of the current sensors": little.noise,
-        }
-        learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
-        compared = f"it leaves {learned} of ripple, its feedback alone {alone}"
-        by = max(parts, key=lambda part: parts[part])
-        answer = (
-            f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most of it comes from {by}"
-        )
-        return "not worth it", answer if coarse is None else f"{answer}; and {_too_coarse(study, coarse)}"
+    if little is None:
+        return ""
+    parts = {
+        "the position sensor's steps": little.steps,
+        "the position sensor's error": little.error,
+        "orders that it does not learn": little.unlearned,
+        "noise of the current sensors": little.noise,
+    }
+    learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
+    compared = f"it leaves {learned} of ripple, its feedback alone {alone}"
+    by = max(parts, key=lambda part: parts[part])
+    answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most of it comes from {by}"
+    coarse = _coarse_doubt(study, speeds, ())
+    return f"{answer}; and {coarse}" if coarse else answer
+
+
+def _coarse_doubt(study: Study, speeds: Sequence[Remaining], cures: Sequence[Changes]) -> str:
+    """Why learning may do harm with a coarse sensor at some speed, and what avoids it; "" if it may not."""
+    coarse = next((speed for speed in speeds if not speed.modelled), None)
     if coarse is None:
-        return "yes", settles
-    cured = f"; {either(cures)} avoids that" if cures else ""
-    doubt = f"{_too_coarse(study, coarse)}{cured}"
-    return "not sure", f"not sure: {doubt}{SHOWN_BY_RUNS} For small signals {settles}"
+        return ""
+    return f"{_too_coarse(study, coarse)}{f'; {either(cures)} avoids that' if cures else ''}"
 
 
 def _too_coarse(study: Study, coarse: Remaining) -> str:

@@ -22,12 +22,14 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.design.changes import either, first
 from cogless.design.closed_loop import Linear, open_loop, position_margins
 from cogless.design.law_rules import feedback_of
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of
 from cogless.design.speed_loop import (
+    BELIEF_FACTORS,
     PHASE_MARGIN_LEAST,
     CurrentLoop,
     SpeedLoop,
@@ -105,6 +107,11 @@ def response_factors(study: Study, w: Real) -> Real:
     return (
         np.ones(np.shape(w)) if current is None else np.asarray(1 / np.abs(1 + _back_emf(study, current, w)))
     )
+
+
+def is_covered(factors: Real) -> NDArray[np.bool_]:
+    """Whether each of these factors of a response is one that the designs are made for, BELIEF_FACTORS."""
+    return np.asarray((factors >= min(BELIEF_FACTORS)) & (factors <= max(BELIEF_FACTORS)))
 
 
 def is_unstable_with_back_emf(study: Study, name: str) -> bool:

@@ -21,10 +21,14 @@ import numpy as np
 from cogless.design.angle_functions import functions_in
 from cogless.design.changes import either, first, helping, unit_text
 from cogless.design.closed_loop import Linear
+from cogless.design.margins import Real
 from cogless.design.ripple import measured_noise
 from cogless.design.speed_loop import slower_loop
 from cogless.study import Study, for_scenario
+from cogless.study.drive import StarBelief
 from cogless.study.motion import course
+from cogless.study.motor import StarMotor
+from cogless.study.numerics import largest_voltage
 from cogless.study.reading import Changes, Remark
 
 D_POINTS = 20_001  # i_d for which the largest torque is computed
@@ -67,36 +71,35 @@ def available(study_here: Study, omega: float) -> float:
     """
     drive, star = study_here.drive, study_here.motor.star()
     limit, reach = drive.current_loop.current_limit, drive.largest_torque_current(star)
-    reference, inverter = drive.current_reference, drive.inverter
-    if reference is None or not reference.field_weakening or inverter is None:
+    reference = drive.current_reference
+    if reference is None or not reference.field_weakening or drive.inverter is None:
         return reach
     belief = drive.belief.resolved(star)
-    flux, omega_e = belief.psi_f, star.pole_pairs * abs(omega)
-    u_max = reference.voltage_share * inverter.bus_voltage / (1 if star.phases == 2 else math.sqrt(3))
     d = np.linspace(-limit, limit, D_POINTS)
-    longest = np.sqrt(limit**2 - d**2)
-    # |u|^2 = a q^2 + 2 b q + c + u_max^2
-    a = belief.R_s**2 + (omega_e * belief.L_q) ** 2
-    b = belief.R_s * omega_e * (flux + (belief.L_d - belief.L_q) * d)
-    c = (belief.R_s * d) ** 2 + (omega_e * (flux + belief.L_d * d)) ** 2 - u_max**2
-    q = np.minimum(longest, (np.sqrt(np.maximum(b * b - a * c, 0.0)) - b) / a)
-    torque = np.where((b * b >= a * c) & (q > 0), q * (1 - (belief.L_q - belief.L_d) / flux * d), 0.0)
+    u_max = reference.voltage_share * largest_voltage(drive.inverter.bus_voltage, star)
+    q = np.minimum(np.sqrt(limit**2 - d**2), _q_within(belief, star.pole_pairs * abs(omega), d, u_max))
+    torque = np.where(q > 0, q * (1 - (belief.L_q - belief.L_d) / belief.psi_f * d), 0.0)
     return min(reach, float(torque.max()))
 
 
 def carried(study_here: Study, omega: float) -> float:
-    """The largest i_q, A, that the bus voltage carries at a speed, rad/s, with i_d = 0; infinite if ideal.
-
-    |u|^2 = (R i + w psi)^2 + (w L_q i)^2, at most u_max^2.
-    """
-    inverter, star = study_here.drive.inverter, study_here.motor.star()
+    """The largest i_q, A, that the bus voltage carries at a speed, rad/s, with i_d = 0; infinite if ideal."""
+    star, inverter = study_here.motor.star(), study_here.drive.inverter
     if inverter is None or study_here.drive.ideal:
         return math.inf
-    u_max = inverter.bus_voltage / (1 if star.phases == 2 else math.sqrt(3))
-    omega_e = star.pole_pairs * abs(omega)
-    a = star.R_s**2 + (omega_e * star.L_q) ** 2
-    b, c = star.R_s * omega_e * star.psi_f, (omega_e * star.psi_f) ** 2 - u_max**2
-    return max(0.0, (math.sqrt(b * b - a * c) - b) / a) if b * b >= a * c else 0.0
+    u_max = largest_voltage(inverter.bus_voltage, star)
+    return max(0.0, float(_q_within(star, star.pole_pairs * abs(omega), np.zeros(1), u_max)[0]))
+
+
+def _q_within(motor: StarMotor | StarBelief, omega_e: float, i_d: Real, u_max: float) -> Real:
+    """The largest i_q, A, at each i_d within a voltage of u_max, V; zero or less if there is none.
+
+    |u|^2 = (R i_q + w (psi + L_d i_d))^2 + (R i_d - w L_q i_q)^2 = a i_q^2 + 2 b i_q + c + u_max^2
+    """
+    a = motor.R_s**2 + (omega_e * motor.L_q) ** 2
+    b = motor.R_s * omega_e * (motor.psi_f + (motor.L_d - motor.L_q) * i_d)
+    c = (motor.R_s * i_d) ** 2 + (omega_e * (motor.psi_f + motor.L_d * i_d)) ** 2 - u_max**2
+    return np.asarray(np.where(b * b >= a * c, (np.sqrt(np.maximum(b * b - a * c, 0.0)) - b) / a, 0.0))
 
 
 def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) -> float:
@@ -182,7 +185,7 @@ def limited_share(study: Study, scenario: str) -> float:
         return 0.0
     gain = drive.current_loop.gains(drive.belief.resolved(study.motor.star()))["kp_q"]
     deviation = gain * math.sqrt(measured_noise(of))
-    limit = drive.inverter.bus_voltage / (1 if motor.phases == 2 else math.sqrt(3))
+    limit = largest_voltage(drive.inverter.bus_voltage, motor)
     emf = motor.pole_pairs * motor.psi_f * top
     if not deviation:
         return 0.0

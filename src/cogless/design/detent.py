@@ -27,10 +27,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.back_emf import response_factors, ripple_factors
+from cogless.design.back_emf import is_covered, response_factors, ripple_factors
 from cogless.design.closed_loop import Linear
 from cogless.design.ripple import orders, responses
-from cogless.design.speed_loop import BELIEF_FACTORS, SpeedLoop, gains, speed_loop
+from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 
@@ -52,13 +52,8 @@ class Swing:
     least: float  # the smaller
     rms: float  # rms of all orders / speed
     order: int  # mechanical order with the largest amplitude
-    response: float  # of the rotor to a current at that order, with the back-EMF / without
+    is_certain: bool  # whether the back-EMF changes the response at that order little enough for the model
     rate: float  # rad/s: omega_s of that order
-
-    @property
-    def is_certain(self) -> bool:
-        """Whether the back-EMF changes the rotor's response little enough for the small-signal model."""
-        return min(BELIEF_FACTORS) <= self.response <= max(BELIEF_FACTORS)
 
     @property
     def stops(self) -> bool:
@@ -88,7 +83,7 @@ def swing(
         least=float(np.sum(smaller)),
         rms=math.sqrt(float(np.sum(sizes**2)) / 2),
         order=int(n[k]),
-        response=float(response_factors(study_here, w[k : k + 1])[0]),
+        is_certain=bool(is_covered(response_factors(study_here, w[k : k + 1]))[0]),
         rate=math.sqrt(int(n[k]) * loop.b * float(d[k])),
     )
 

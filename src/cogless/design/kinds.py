@@ -39,7 +39,6 @@ class KindOfDesign:
     forecast: Callable[[Any, str], verdict.Verdict | None] = lambda study, name: None
     feedback: Callable[[Any, str], law_rules.FeedbackNumbers | None] = lambda study, name: None
     likely_harm: Callable[[Any, str], str | None] = lambda study, name: None
-    doubt: Callable[[Any, str], str] = lambda study, name: ""  # why learning is not sure to help
 
 
 def _speed_figures(study: Study, scenario: str, controller: str) -> tuple[dict[str, Any], str]:
@@ -113,7 +112,6 @@ DESIGNS: Mapping[Kind, KindOfDesign] = {
         forecast=verdict.judgement,
         feedback=law_rules.feedback_numbers,
         likely_harm=warnings.likely_harm,
-        doubt=answers.doubt,
     ),
     "trials": KindOfDesign(
         prepared=_trial_designs,

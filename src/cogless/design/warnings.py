@@ -83,12 +83,12 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     sentence = snaps(
         study, swinging, omega, position_margins(speed_loop(study, scenario), feedback).crossover
     )
-    begins = turning_speed(study, name, scenario)
-    turning = swing(study, scenario, feedback, begins / SPEED_RESERVE) if begins is not None else None
+    begins = turns_from(study, scenario, feedback, omega)
+    turning = swing(study, scenario, feedback, begins) if begins is not None else None
     if begins is None or turning is None or not turning.is_certain:
         return Remark(sentence)
-    turns = f"{sentence}; from {speed_text(study, begins, 2)} on it turns"
-    cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(begins, "rad/s")}
+    turns = f"{sentence}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
+    cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
     return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
 
 

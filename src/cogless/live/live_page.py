@@ -26,13 +26,17 @@ from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
 from cogless.report.speed_tracking import (
-    LOST_SPEED_RATIO,
-    ONE_WAY,
-    REST_ERROR_MOST,
     STATE_TIME_LEAST,
 )
 from cogless.report.trials import panels_of
-from cogless.results.metrics import JERKS_RATIO, MEAN_ERROR_MOST, result_name
+from cogless.results.held_speed import (
+    JERKS_RATIO,
+    LOST_SPEED_RATIO,
+    MEAN_ERROR_MOST,
+    ONE_WAY,
+    REST_ERROR_MOST,
+)
+from cogless.results.metrics import result_name
 from cogless.run.plan import NEVER_LEARNS
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind

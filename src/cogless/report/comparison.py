@@ -21,7 +21,7 @@ from cogless.design.ripple import HARMFUL_RATIO
 from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
-from cogless.report.speed_tracking import STATE_TIME_LEAST, missed, rows_of, span_of, spans
+from cogless.report.speed_tracking import STATE_TIME_LEAST, miss_words, rows_of, span_of, spans, speed_miss
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
 from cogless.results.trace import BLOCK_ROWS
@@ -102,6 +102,7 @@ class Line:
     """One metric's value for each controller in a scenario, in `unit`; None: never happened, or not finite.
 
     `missed`: the controllers that did not hold the speed in the metric's time window, and what the speed was.
+    `jerking`: those of them that held its mean.
     `unlearned`: the controllers whose law learned nothing in the scenario, and why.
     `guarded`: the controllers whose learning the guard held back in that window, and when.
     `span`: the metric's time window, s; None if no run has a trace.
@@ -118,6 +119,7 @@ class Line:
     unit: str
     values: Mapping[str, float | None]
     missed: Mapping[str, str] = field(default_factory=dict)
+    jerking: frozenset[str] = frozenset()
     unlearned: Mapping[str, str] = field(default_factory=dict)
     guarded: Mapping[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
@@ -213,23 +215,34 @@ def compare(results: Results, scenario: str) -> list[Line]:
         taken = [run for run in runs if result_name(metric) in run.metrics]
         if taken:
             named = [(metric.name, order) for order in metric.order or (None,)]
-            unit, span = speed_unit(results), span_of(results, metric, taken[0])
-            torque = in_torque_mode(results.study, taken[0], rows_of(results, metric, taken[0]))
-            miss_texts = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in taken}
-            miss_texts = {} if torque else miss_texts
-            not_held = {controller: pretty(text) for controller, text in miss_texts.items() if text}
-            guarded_times = {
-                run.controller: guarded(results, run, rows_of(results, metric, run)) for run in taken
+            rows = {run.controller: rows_of(results, metric, run) for run in taken}
+            first_rows = rows[taken[0].controller]
+            torque = in_torque_mode(results.study, taken[0], first_rows)
+            misses_of_runs = [
+                (run, speed)
+                for run in taken
+                if not torque and (speed := speed_miss(run, rows[run.controller])) is not None
+            ]
+            not_held = {
+                run.controller: pretty(miss_words(speed, run, rows[run.controller], speed_unit(results)))
+                for run, speed in misses_of_runs
             }
-            back = {controller: when for controller, when in guarded_times.items() if when}
+            guarded_times = {run.controller: guarded(results, run, rows[run.controller]) for run in taken}
             own = lines_of(results.study, metric, taken, named)
-            short = frozenset(
-                run.controller for run in taken if too_few_turns(metric, run, rows_of(results, metric, run))
-            )
-            why = unjudged(metric, taken[0], rows_of(results, metric, taken[0]), torque)
             lines += [
                 replace(
-                    line, missed=not_held, unlearned=idle, guarded=back, span=span, unjudged=why, short=short
+                    line,
+                    missed=not_held,
+                    jerking=frozenset(
+                        run.controller for run, speed in misses_of_runs if speed.kind == "error"
+                    ),
+                    unlearned=idle,
+                    guarded={controller: when for controller, when in guarded_times.items() if when},
+                    span=span_of(results, metric, taken[0]),
+                    unjudged=unjudged(metric, taken[0], first_rows, torque),
+                    short=frozenset(
+                        run.controller for run in taken if too_few_turns(metric, run, rows[run.controller])
+                    ),
                 )
                 for line in own
             ]

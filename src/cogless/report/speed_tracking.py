@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
-from cogless.report.markup import number, place, rms
+from cogless.report.markup import number, place
 from cogless.report.verdicts import listed
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.metrics import JERKS_RATIO, MEAN_ERROR_MOST, mean_error, window_of
-from cogless.results.trace import Array
+from cogless.results.held_speed import Miss, miss
+from cogless.results.metrics import window_of
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 
@@ -81,18 +81,13 @@ def spans(run: Run, bits: int, rows: slice = ALL_ROWS) -> list[tuple[float, floa
     return [(round(float(a), 6), round(float(b), 6)) for a, b in zip(from_, to, strict=True)]
 
 
-# error rms / reference rms; above this the speed does not follow a reference of zero mean
-LOST_SPEED_RATIO = 0.5
-REST_ERROR_MOST = 0.1  # rad/s, largest error rms if the reference is zero all the time
 MAJORITY_SHARE = 0.5  # share of the rows
 MONITOR_EFFECTS = {
     Status.OFF: "has the output off",
     Status.ANGLE_LOST: "doesn't believe the measured speed",
 }
 MONITORED_SHARE = 0.1  # share of the rows: less is a fault that a speed outlives
-ERROR_MISSED = "error "  # begins how a speed missed its reference, where its mean did not
 LIMIT_NOTE = ", at the limit of current or voltage"
-ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
 
 
 def late(results: Results, run: Run) -> slice:
@@ -127,24 +122,26 @@ def span_of(results: Results, metric: Metric, run: Run) -> tuple[float, float] |
     return (float(time[0]), float(time[-1])) if len(time) else None
 
 
-def missed(run: Run, rows: slice, unit: str) -> str | None:
-    """How the speed missed its reference, such as "mean 0 of 60 rpm"; None if it was held.
+def speed_miss(run: Run, rows: slice) -> Miss | None:
+    """How the speed missed its reference in these rows; None if it was held."""
+    return miss(run.trace.part("omega_ref", rows), run.trace.part("omega_m", rows))
 
-    It is missed only if it is off over all the rows and over their second half. So a start-up at the
-    beginning doesn't count, nor does a slow ripple. Where the monitor stopped the drive, or most of that half
-    was at a limit, this is told too.
+
+def missed(run: Run, rows: slice, unit: str) -> str | None:
+    """How the speed missed its reference, such as "mean 0 of 60 rpm"; None if it was held."""
+    speed = speed_miss(run, rows)
+    return None if speed is None else miss_words(speed, run, rows, unit)
+
+
+def miss_words(speed: Miss, run: Run, rows: slice, unit: str) -> str:
+    """How the speed missed its reference, in words.
+
+    Where the monitor stopped the drive, or most of the second half of the rows was at a limit, this is told
+    too.
     """
-    scale = factor(unit, ANGULAR_SPEED)
-    reference, speed = (run.trace.part(x, rows) / scale for x in ("omega_ref", "omega_m"))
-    half = slice(len(speed) // 2, None)
-    with np.errstate(all="ignore"):
-        misses = [
-            _off(reference[part], speed[part], unit, REST_ERROR_MOST / scale) for part in (slice(None), half)
-        ]
-    if not all(misses):
-        return None
-    limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MAJORITY_SHARE
-    return misses[0] + (_monitored(run, rows) or (LIMIT_NOTE if limited else ""))
+    status = active(run, Status.SATURATED, rows)
+    limited = np.mean(status[len(status) // 2 :]) > MAJORITY_SHARE
+    return _off_words(speed, unit) + (_monitored(run, rows) or (LIMIT_NOTE if limited else ""))
 
 
 def _monitored(run: Run, rows: slice) -> str:
@@ -164,18 +161,10 @@ def _monitored(run: Run, rows: slice) -> str:
     return ""
 
 
-def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
-    """How the speed is off its reference, in words, both in `unit`; "" if it isn't off."""
-    if not len(speed):
-        return ""
-    if not np.all(np.isfinite(speed)):
+def _off_words(speed: Miss, unit: str) -> str:
+    if speed.kind == "infinite":
         return "speed not finite"
-    mean_reference, got, size = (float(np.mean(x)) for x in (reference, speed, np.abs(reference)))
-    if abs(mean_reference) > ONE_WAY * size and mean_error(reference, speed) > MEAN_ERROR_MOST:
-        mean_shown = got if abs(got) > 1e-3 * size else 0.0
-        return f"mean {mean_shown:.4g} of {mean_reference:.4g} {unit}"
-    error, amplitude = float(rms(reference - speed)), float(rms(reference))
-    most = JERKS_RATIO * size if abs(mean_reference) > ONE_WAY * size else LOST_SPEED_RATIO * amplitude
-    if error <= (most or drift):
-        return ""
-    return f"{ERROR_MISSED}{number(error)} {unit} rms, reference {number(amplitude)} {unit} rms"
+    value, target = (x / factor(unit, ANGULAR_SPEED) for x in (speed.value, speed.target))
+    if speed.kind == "mean":
+        return f"mean {value:.4g} of {target:.4g} {unit}"
+    return f"error {number(value)} {unit} rms, reference {number(target)} {unit} rms"

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from cogless.design.kinds import DESIGNS
+from cogless.design.answers import doubt
 from cogless.report.angle_charts import sentences as growing
 from cogless.report.angle_charts import worsened
 from cogless.report.comparison import (
@@ -35,7 +35,6 @@ from cogless.report.comparison import (
 from cogless.report.faults import account
 from cogless.report.limit_sentences import remark
 from cogless.report.panels import varies_in
-from cogless.report.speed_tracking import ERROR_MISSED
 from cogless.report.verdicts import (
     EQUAL_DIFFERENCE,
     REPORTED_RATIO,
@@ -164,8 +163,7 @@ class _Case(Contest):
     def jerking(self) -> list[str]:
         """Controllers that held the mean speed only, the best first."""
         numbers = {c: v for c, v in self.line.values.items() if v is not None}
-        jerking = [c for c, how in self.line.missed.items() if how.startswith(ERROR_MISSED) and c in numbers]
-        return sorted(jerking, key=lambda c: (numbers[c], c))
+        return sorted(self.line.jerking & numbers.keys(), key=lambda c: (numbers[c], c))
 
     @cached_property
     def winners(self) -> list[str]:
@@ -370,11 +368,10 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 def _doubts(case: _Case) -> list[str]:
     """Sentences on winners whose next run may end otherwise, as their design says."""
-    of_winners = {c: DESIGNS["speed"].doubt(case.study, c) for c in case.winners if case.learns(c)}
     return [
-        f"{case.label(c)} may leave more in another run, such as with --set seed=1: {doubt}."
-        for c, doubt in of_winners.items()
-        if doubt
+        f"{case.label(c)} may leave more in another run, such as with --set seed=1: {why}."
+        for c in case.winners
+        if case.learns(c) and (why := doubt(case.study, c))
     ]
 
 

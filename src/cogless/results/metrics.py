@@ -34,37 +34,7 @@ Value = float | None | list[float]
 ERROR_SIGNALS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
 REFERENCE_SPREAD_MOST = 1e-9  # of the speed: so much a constant reference varies by rounding
-MEAN_ERROR_MOST = 0.05  # share of the reference's mean magnitude: beyond this the mean speed is off
-JERKS_RATIO = math.sqrt(0.5)  # error rms / mean magnitude of the reference; a sine of it stops the rotor
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
-
-
-def is_mean_off(reference: Array, speed: Array) -> bool:
-    """Whether the mean speed misses its reference, both over all rows and over their second half.
-
-    So a start-up at the beginning doesn't count, nor does a slow ripple.
-    """
-    half = slice(len(speed) // 2, None)
-    return all(mean_error(reference[part], speed[part]) > MEAN_ERROR_MOST for part in (slice(None), half))
-
-
-def is_jerking(reference: Array, speed: Array) -> bool:
-    """Whether the rotor stops in between instead of following a reference of one sign, likewise."""
-    half = slice(len(speed) // 2, None)
-    errors = [
-        (
-            float(np.sqrt(np.mean((speed[part] - reference[part]) ** 2))),
-            float(np.mean(np.abs(reference[part]))),
-        )
-        for part in (slice(None), half)
-    ]
-    return all(error > JERKS_RATIO * size for error, size in errors)
-
-
-def mean_error(reference: Array, speed: Array) -> float:
-    """The error of the mean speed over the reference's mean magnitude; infinite if the speed isn't finite."""
-    error = abs(float(np.mean(speed) - np.mean(reference))) / float(np.mean(np.abs(reference)))
-    return error if math.isfinite(error) else math.inf
 
 
 class TooFewTurnsError(ValueError):

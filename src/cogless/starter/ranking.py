@@ -18,7 +18,7 @@ from cogless.control_library import NOTICED, SAFE_OUTPUT
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.metrics import is_jerking, is_mean_off
+from cogless.results.held_speed import miss
 from cogless.run.simulate import RunError, rollout
 from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
@@ -158,23 +158,20 @@ def outcome(study: Study, run: Run | None) -> Outcome:
     """What came of a run, over the last part of it in which the study's metrics are taken."""
     if run is None:
         return Outcome(ripple=math.nan, why="the run failed")
-    ripple, mean = (
-        float(np.asarray(run.metrics[f"{name}_rad_s"])) for name in ("speed_ripple", "mean_speed")
-    )
-    return Outcome(ripple=ripple, why=_why(study, run, mean))
+    ripple = float(np.asarray(run.metrics["speed_ripple_rad_s"]))
+    return Outcome(ripple=ripple, why=_why(study, run))
 
 
-def _why(study: Study, run: Run, mean: float) -> str:
-    reference = study.scenario[run.scenario].top_reference
+def _why(study: Study, run: Run) -> str:
     last = study.metric[0].last or 0.0
     late = run.trace.time >= run.trace.time[-1] - last
     status = np.nan_to_num(run.trace.part("status", late)).astype(int)
     if np.any(status & int(SAFE_OUTPUT)):
         causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
         return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
-    reference_and_speed = [run.trace.part(signal, late) for signal in ("omega_ref", "omega_m")]
-    if is_mean_off(*reference_and_speed):
-        return f"the mean speed is {100 * mean / reference:.3g} % of the reference"
-    if is_jerking(*reference_and_speed):
-        return "the rotor turns in jerks"
+    speed = miss(run.trace["omega_ref"][late], run.trace["omega_m"][late])
+    if speed is not None and speed.kind == "mean":
+        return f"the mean speed is {100 * speed.value / speed.target:.3g} % of the reference"
+    if speed is not None:
+        return "the rotor turns in jerks" if speed.kind == "error" else "the speed isn't finite"
     return unstable_feedback(study, run.controller) or ""

@@ -46,8 +46,12 @@ def top_speed(omega_m: float, key: str) -> str:
 
 def no_load_speed(bus_voltage: float, motor: StarMotor, psi_f: float) -> float:
     """Mechanical speed, rad/s, at which a flux linkage, Wb, induces the bus's largest sinusoidal voltage."""
-    reach = bus_voltage if motor.phases == 2 else bus_voltage / math.sqrt(3)
-    return reach / (motor.pole_pairs * psi_f)
+    return largest_voltage(bus_voltage, motor) / (motor.pole_pairs * psi_f)
+
+
+def largest_voltage(bus_voltage: float, motor: StarMotor) -> float:
+    """Length of the longest voltage vector that a bus gives at every angle, V."""
+    return bus_voltage if motor.phases == 2 else bus_voltage / math.sqrt(3)
 
 
 def voltage_reach(study: Study) -> float:

@@ -315,7 +315,7 @@ const liveMetrics = (() => {
     }
     return rows ? [from, to, rows * trace.period] : null;
   }
-  // How the speed missed its reference in these rows, as src/cogless/report/speed_tracking.py judges it, rad/s: what it was
+  // How the speed missed its reference in these rows, as src/cogless/results/held_speed.py judges it, rad/s: what it was
   // of what was wanted; null: it was held.
   function missed([first, last], trace, tracking) {
     if (first === last || !trace.has("omega_ref")) return null;
