@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_axis import growth
 
 from cogless.design.answers import answer
 from cogless.design.auto import load
@@ -17,7 +18,7 @@ from cogless.design.back_emf import back_emf_warning, margins_with_back_emf, res
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.law_rules import feedback_of
 from cogless.design.margins import Margins
-from cogless.design.speed_loop import CurrentLoop, observer_step, speed_loop
+from cogless.design.speed_loop import CurrentLoop, speed_loop
 from cogless.design.summary import design
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
@@ -65,37 +66,6 @@ def step_motor(folder: Path, changes: dict[str, Any] | None = None) -> Study:
     return study
 
 
-def growth(study: Study, kp: float, ki: float) -> float:
-    """Rate, 1/s, at which a small disturbance of the speed loop grows: one axis, sample by sample."""
-    loop, motor, drive = speed_loop(study), study.motor.star(), study.drive
-    current, T, steps = loop.current, 1 / drive.rates.current_loop, 20
-    assert isinstance(current, CurrentLoop)
-    K_e, K_t = motor.pole_pairs * motor.psi_f, motor.K_t
-    (matrix, gains), ages = observer_step(loop.bandwidth, T), round(loop.delay / T)
-    i = integral = waiting = integral_speed = i_ref = theta = 0.0
-    omega, seen, angles, sizes = 1e-3, np.zeros(3), [0.0] * (ages + 1), []
-    for n in range(round(1.5 / T)):
-        angles = [theta, *angles[:-1]]
-        seen = matrix @ seen + gains * angles[-1]
-        measured = seen[1] / T
-        if n % loop.steps == 0:
-            integral_speed -= ki * loop.period * measured
-            i_ref = integral_speed - kp * measured
-        u = current.kp * (i_ref - i) + integral
-        integral += current.ki * T * (i_ref - i)
-        if drive.current_loop.decoupling:
-            u += K_e * measured
-        acting, waiting = (waiting, u) if current.delay else (u, u)
-        for _ in range(steps):
-            h = T / steps
-            i += h / current.L * (acting - current.R * i - K_e * omega)
-            omega += h * K_t / study.mechanics.inertia * i
-            theta += h * omega
-        sizes.append(abs(omega))
-    third = len(sizes) // 3
-    return math.log(max(sizes[2 * third :]) / max(sizes[third : 2 * third])) / (third * T)
-
-
 def both(study: Study, name: str = "pi") -> tuple[Margins, Margins, Linear]:
     feedback = feedback_of(study, name)
     assert feedback is not None
@@ -111,14 +81,14 @@ def test_the_loop_is_unstable_where_an_own_motor_s_is(decoupling: bool, degrees:
     plain, left, feedback = both(study)
     assert plain.phase_margin == pytest.approx(math.radians(degrees))
     if degrees == 40 and decoupling:
-        assert not left.stable and growth(study, feedback.k, feedback.k_i) > 0
+        assert not left.stable and growth(study, feedback) > 0
         return
     most = left.gain_margin
     assert left.stable and (most < 0.8 * plain.gain_margin) is decoupling
     for factor, grows in ((0.96 * most, False), (1.04 * most, True)):
         scaled = replace(feedback, k=factor * feedback.k, k_i=factor * feedback.k_i)
         assert margins_with_back_emf(study, scaled).stable is not grows
-        assert (growth(study, scaled.k, scaled.k_i) > 0) is grows
+        assert (growth(study, scaled) > 0) is grows
 
 
 def test_what_is_unstable_with_the_back_emf_is_so_in_a_run_and_each_cure_mends_it(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drafts import request, written
+from one_axis import speeds
 
 from cogless.design.detent import STOPPING_RIPPLE, overrun, swing, turns_from
 from cogless.design.law_rules import feedback_of
@@ -159,6 +160,39 @@ def test_a_late_back_emf_stops_a_rotor_that_the_ripple_without_it_would_let_turn
     assert remark is not None and str(remark).endswith("the rotor stops and snaps; from 44 rpm on it turns")
     cured = changed(draft_of_a_light_motor(tmp_path, "generic", 30), remark.cures[0])
     assert not stopped(cured, "slow")
+
+
+@pytest.mark.parametrize(
+    ("motor", "drive", "rpm", "stops"),
+    [
+        ("light", "generic", 30, True),
+        ("light", "generic", 42, False),
+        ("light", "generic", 60, False),
+        ("heavy", "", 15, True),
+        ("heavy", "", 30, True),
+        ("heavy", "", 80, False),
+    ],
+)
+def test_an_own_motor_stops_where_the_forecast_says(
+    motor: str, drive: str, rpm: float, stops: bool, tmp_path: Path
+) -> None:
+    """One axis of a few lines, without dead time, sensor errors and limits."""
+    light = motor == "light"
+    study = draft_of_a_light_motor(tmp_path, drive, rpm) if light else step_motor(rpm, 0.2)
+    scenario = "slow" if light else "turn"
+    omega = study.scenario[scenario].top_reference
+    feedback = feedback_of(study, "pi", omega)
+    assert feedback is not None
+    star, friction = study.motor.star(), study.mechanics.coulomb_friction
+
+    def load(theta: float, omega_m: float) -> float:
+        detents = sum(wave.torque * math.sin(wave.order * theta + wave.phase) for wave in star.cogging)
+        return detents - friction * math.tanh(omega_m / 1e-2)
+
+    reached = speeds(study, feedback, omega_ref=omega, start=omega, duration=3.0, load=load)
+    rests = np.min(reached[len(reached) // 2 :]) <= 1e-3 * omega  # its friction is smooth, so it creeps
+    assert rests == stops
+    assert (foreseen(study, scenario) >= STOPPING_RIPPLE) == stops
 
 
 def test_no_speed_is_promised_where_only_the_back_emf_of_a_turning_rotor_damps(tmp_path: Path) -> None:
