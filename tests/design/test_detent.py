@@ -20,6 +20,7 @@ from cogless.design.warnings import slow_warning, warnings
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed, load
 
+CREEP = 1e-2  # rad/s, below which the friction of the own motor is not yet that of sliding
 FOLDER = Path(__file__).parents[2] / "examples"
 LAWS = """
 [controller.pi]
@@ -187,11 +188,10 @@ def test_an_own_motor_stops_where_the_forecast_says(
 
     def load(theta: float, omega_m: float) -> float:
         detents = sum(wave.torque * math.sin(wave.order * theta + wave.phase) for wave in star.cogging)
-        return detents - friction * math.tanh(omega_m / 1e-2)
+        return detents - friction * math.tanh(omega_m / CREEP)
 
     reached = speeds(study, feedback, omega_ref=omega, start=omega, duration=3.0, load=load)
-    rests = np.min(reached[len(reached) // 2 :]) <= 1e-3 * omega  # its friction is smooth, so it creeps
-    assert rests == stops
+    assert (np.min(reached[len(reached) // 2 :]) <= CREEP) == stops
     assert (foreseen(study, scenario) >= STOPPING_RIPPLE) == stops
 
 
