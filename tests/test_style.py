@@ -7,7 +7,7 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 0,
     "number_of_one_word": 1,
-    "vague_local": 6,
+    "vague_local": 4,
     "vague_argument": 0,
     "vague_function": 27,
     "many_positional_arguments": 1,

@@ -315,7 +315,7 @@ def test_orders_that_a_soft_shaft_turns_are_held():
     by_hand = {"law": "harmonic", "tuning": {"rule": "auto"}, "kp": "0.1 A*s/rad", "ki": "0.5 A/rad"}
     here = load("two-mass-axis", {"controller.harmonic": by_hand})
     made = certificate(here, "harmonic")
-    (held,) = {each.held for each in made.speeds}
+    (held,) = {each.held_orders for each in made.speeds}
     assert held[0] == 60 and held[-1] > 90 and made.fine and "learns no order from 58.7 to" in made.words()
     short = {"scenario.motor-sensor.duration": "12 s", "metric": []}
     still = {**by_hand, "learning_start": "1e6 s"}

@@ -336,7 +336,7 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
     told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
     found = harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5)
     assert found == Certified(
-        omega_m=1.5, acting=8, gamma=0.3, late=6, held=(6,), rate=5.0, most=7.0, slow=(), swing=0.1
+        omega_m=1.5, acting=8, gamma=0.3, late=6, held_orders=(6,), rate=5.0, most=7.0, slow=(), swing=0.1
     )
     late["one"][3] = 0.1
     further = harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5)
@@ -442,8 +442,8 @@ def test_halls_show_orders_below_their_own() -> None:
 
 # The certificate's words
 
-SLOW = Certified(omega_m=10 * RPM, acting=6, gamma=0.656, late=4, held=(4, 6), rate=5.0, most=None)
-FAST = Certified(omega_m=200 * RPM, acting=4, gamma=-0.1, late=2, held=(2,), rate=5.0, most=12.345)
+SLOW = Certified(omega_m=10 * RPM, acting=6, gamma=0.656, late=4, held_orders=(4, 6), rate=5.0, most=None)
+FAST = Certified(omega_m=200 * RPM, acting=4, gamma=-0.1, late=2, held_orders=(2,), rate=5.0, most=12.345)
 FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None)
 
 
@@ -453,7 +453,7 @@ def test_a_certificate_in_one_line() -> None:
         "settle together at any rate and converge with K_t/J 50 % off (Re Gamma 0.66 or more, expected above "
         "0), orders to 4 converge even with one sample of unknown delay; learns up to 300 rpm"
     )
-    both = replace(FINE, speeds=(replace(SLOW, held=()), FAST), straight=50 * RPM)
+    both = replace(FINE, speeds=(replace(SLOW, held_orders=()), FAST), straight=50 * RPM)
     held = replace(both, learner=replace(TOLD, held=(0.01, 0.02, 0.1, math.tau / 10)))
     assert held.words() == (
         "learns orders 2, 4 to 6; at 10 rpm orders to 6 begin to learn at 5 1/s, settle together at any rate "
@@ -464,14 +464,14 @@ def test_a_certificate_in_one_line() -> None:
         "learns no order from 1.59 to 3.18 or from 15.9 to 100 Hz; learns up to 300 rpm; "
         "learns an eccentric sensor's error up to 50 rpm"
     )
-    slow = replace(FINE, speeds=(replace(SLOW, held=(), slow=(2, 4), swing=0.64),))
+    slow = replace(FINE, speeds=(replace(SLOW, held_orders=(), slow=(2, 4), swing=0.64),))
     assert slow.words() == (
         "learns orders 2, 4 to 6; at 10 rpm orders to 6 begin to learn at 5 1/s, settle together at any rate "
         "and converge with K_t/J 50 % off (Re Gamma 0.66 or more, expected above 0), orders to 4 converge "
         "even with one sample of unknown delay, orders 2 to 4 are too slow to be judged (uncertain: with the "
         "feedback alone the speed's ripple is 64 % rms); learns up to 300 rpm"
     )
-    snaps = replace(SLOW, held=(), slow=(2, 2), snaps="at 10 rpm it snaps")
+    snaps = replace(SLOW, held_orders=(), slow=(2, 2), snaps="at 10 rpm it snaps")
     assert ", order 2 is too slow to be judged" in replace(snaps, snaps=None).words()
     assert replace(FINE, speeds=(snaps,)).words() == "not judged: at 10 rpm it snaps"
     some = replace(FINE, speeds=(snaps, FAST))

@@ -158,8 +158,10 @@ def certificate(**changes: object) -> Certificate:
     numbers = {"b": 1e3, "delay": 1e-4, "step": 0.0, "rate": 20.0, "rate_min": 0.5}
     learner = Learner(**numbers, base=6, bends=0, orders=8, fast=2, held=())
     speeds = (
-        Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(), rate=2.0, most=5.061),
-        Certified(omega_m=20 * math.pi, acting=12, gamma=0.5, late=6, held=(24, 30), rate=7.0, most=None),
+        Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held_orders=(), rate=2.0, most=5.061),
+        Certified(
+            omega_m=20 * math.pi, acting=12, gamma=0.5, late=6, held_orders=(24, 30), rate=7.0, most=None
+        ),
     )
     plain = Certificate(learner, 1e-3, speeds, 100 * math.pi, None)
     return replace(plain, **changes)
@@ -180,7 +182,11 @@ def test_a_certificate_in_one_line() -> None:
         == "not judged: all references are too slow: even the phase of order 48 turns by less than 0.001 rad "
         "a sample"
     )
-    one = (Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(24,), rate=2.0, most=None),)
+    one = (
+        Certified(
+            omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held_orders=(24,), rate=2.0, most=None
+        ),
+    )
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.words() == (
@@ -189,7 +195,7 @@ def test_a_certificate_in_one_line() -> None:
         "orders to 36 converge even with one sample of unknown delay; learns no order from 100 to 200 or "
         "from 300 to 400 Hz; learns up to 3000 rpm; learns an eccentric sensor's error up to 30 rpm"
     )
-    bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held=(), rate=2.0, most=None)
+    bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held_orders=(), rate=2.0, most=None)
     turned = certificate(speeds=(bad,)).words()
     assert "any rate and may not all converge with K_t/J 50 % off (Re Gamma 0.00 or more, " in turned
     unsure = certificate(speeds=(replace(bad, late=0),)).words()

@@ -84,7 +84,7 @@ def _measured(study: Study, w: Real) -> Complex:
     loop = speed_loop(study)
     speed, theta = loop.plant(w)
     # The decoupling runs in each current-loop period, with a speed that may be held for all of the law's.
-    waiting = (loop.steps - 1) / 2 * loop.current.period if loop.held else 0.0
+    waiting = (loop.steps - 1) / 2 * loop.current.period if loop.is_held else 0.0
     return np.asarray(speed / (1j * w * theta) * np.exp(-1j * w * waiting))
 
 

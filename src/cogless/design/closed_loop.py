@@ -148,7 +148,7 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     if loop.low_pass:
         a_step = math.exp(-loop.low_pass * loop.current.period)
         decay = a_step**loop.steps
-        new = 1 - a_step if loop.held else (1 - decay) / 2  # else its input moves between two samples
+        new = 1 - a_step if loop.is_held else (1 - decay) / 2  # else its input moves between two samples
         step[filtered + 1] = omega
         step[filtered] = decay * unit(filtered) + (1 - decay - new) * unit(filtered + 1) + new * omega
         omega = step[filtered].copy()

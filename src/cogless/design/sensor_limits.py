@@ -148,7 +148,7 @@ def _remaining(
         _alone(of_scenario, loop, feedback, omega, (n, d), source, sensor) for feedback in feedbacks
     )
     base = certified.learner.base
-    learned = (n % base == 0) & (n <= speed.acting) & ~np.isin(n, speed.held)
+    learned = np.isin(n, certified.learned_orders(speed))
     turned = main_order(study, base) * sum(abs(sensor.wave(k)) for k, _ in enumerate(BENDS_FROM, 1))
     bent = turned < BEND_ANGLE_MOST and certified.straight is not None and omega <= certified.straight
     bends = certified.learner.bends if bent else 0

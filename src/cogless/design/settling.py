@@ -110,7 +110,7 @@ def _time_of_harmonic(
     learner, loop = certified.learner, speed_loop(study, scenario)
     w = np.asarray(n * omega, dtype=np.float64)
     alone = np.abs(responses(loop, feedback, w / math.tau)[0]) * d
-    learned = (n % learner.base == 0) & (n <= speed.acting) & ~np.isin(n, speed.held)
+    learned = np.isin(n, certified.learned_orders(speed))
     # a low speed bounds the rate: pi radians of the base order are the shortest time constant
     rate = min(speed.rate, learner.base * omega / math.pi)
     decay = np.where(learned, rate / 2 * gamma(loop, learner, harmonic_gains(study, name), w).real, 0.0)

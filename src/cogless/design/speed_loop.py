@@ -383,7 +383,7 @@ class SpeedLoop:
     bandwidth: float = 0.0  # rad/s, of an observer of the angle that gives the speed; 0: none
     delay: float = 0.0  # s, by which angle and speed are older, and the current reference acts later
     low_pass: float = 0.0  # rad/s, of a filter behind the speed; 0: none
-    held: bool = False  # the speed that enters it is computed once per speed-loop period
+    is_held: bool = False  # the speed that enters it is computed once per speed-loop period
     shaft: SoftShaft | None = None  # none: rigid
     edge: float = 0.0  # s between the edges of Hall sensors; 0: they come at once, or there are none
     edges: int = 0  # intervals between them that the speed is taken over
@@ -453,7 +453,7 @@ class SpeedLoop:
         A speed that is held for N of its steps enters anew in the step before the law's.
         """
         p, N = math.exp(-self.low_pass * self.current.period), self.steps
-        if not self.held:
+        if not self.is_held:
             return np.asarray((1 - p) / (1 - p * np.exp(-1j * w * self.current.period)))
         back = np.exp(-1j * w * self.period)
         return np.asarray((1 - p + (p - p**N) * back) / (1 - p**N * back))
@@ -567,7 +567,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
         bandwidth=sensor.bandwidth if isinstance(sensor, Counted) else 0.0,
         delay=delay + (bus.mean_delay if bus is not None else 0.0),
         low_pass=math.tau * (study_here.drive.speed_filter or 0.0),
-        held=isinstance(sensor, Counted) and sensor.each_law_period,
+        is_held=isinstance(sensor, Counted) and sensor.each_law_period,
         shaft=soft_shaft(study_here),
     )
 

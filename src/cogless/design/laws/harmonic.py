@@ -205,7 +205,7 @@ class Certified:
     acting: int  # highest order that acts and is learned
     gamma: float  # least Re Gamma of those, b of the plant 0.5 to 1.5 times the model's
     late: int  # highest order up to which all converge with a sample that isn't told; 0: none
-    held: tuple[int, ...]  # orders that act, but aren't learned
+    held_orders: tuple[int, ...]  # they act, but aren't learned
     rate: float  # 1/s, at which the orders begin to learn here
     most: float | None  # 1/s: all orders together settle if the rate is below; None: any rate
     slow: tuple[int, ...] = ()  # the lowest and the highest order that is too slow to be judged
@@ -230,8 +230,8 @@ class Certified:
         swings = f" (uncertain: with the feedback alone the speed's ripple is {100 * self.swing:.0f} % rms)"
         late = f"orders to {self.late} converge even" if self.late else "the lowest order may not converge"
         return (
-            f"at {self.omega_m / RPM:.4g} rpm orders to {self.acting}{_held_words(self.held)} begin to learn "
-            f"at {self.rate:.3g} 1/s, settle together "
+            f"at {self.omega_m / RPM:.4g} rpm orders to {self.acting}{_held_words(self.held_orders)} begin "
+            f"to learn at {self.rate:.3g} 1/s, settle together "
             f"{'at any rate' if self.most is None else f'below {self.most:.3g} 1/s'} and "
             f"{'converge' if self.gamma > 0 else 'may not all converge'} with K_t/J 50 % off "
             f"(Re Gamma {self.gamma:.2f} or more, expected above 0), {late} with one sample of unknown delay"
@@ -252,7 +252,7 @@ class Certificate:
     def learned_orders(self, speed: Certified) -> Real:
         """The orders that are learned at one of the speeds."""
         base = self.learner.base
-        return np.setdiff1d(np.arange(base, speed.acting + 1, base), speed.held).astype(float)
+        return np.setdiff1d(np.arange(base, speed.acting + 1, base), speed.held_orders).astype(float)
 
     @property
     def fine(self) -> bool:
@@ -439,7 +439,7 @@ def _certified_at(
         acting=int(orders[-1]),
         gamma=float(np.min(real(0))),
         late=late,
-        held=tuple(int(n) for n in orders[is_held_at]),
+        held_orders=tuple(int(n) for n in orders[is_held_at]),
         rate=rate_at(own_learner, omega, loop.period),
         most=bound if math.isfinite(bound) else None,
         slow=_too_slow(own_learner, omega, loop.period),
