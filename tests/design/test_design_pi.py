@@ -245,7 +245,7 @@ def loudness(signal: NDArray[np.float64]) -> tuple[float, float]:
         ({"position_sensor": RESOLVER}, 25, {}),
         ({"position_sensor": {**ENCODER, "latency": 5e-4}}, 10, {"delay": 5e-4}),
         ({"position_sensor": {**RESOLVER, "latency": 7.5e-4}}, 25, {"delay": 7.5e-4}),
-        ({"position_sensor": ENCODER, "speed_filter": FILTER}, 10, {"low_pass": FILTER, "held": True}),
+        ({"position_sensor": ENCODER, "speed_filter": FILTER}, 10, {"low_pass": FILTER, "is_held": True}),
         ({"position_sensor": RESOLVER, "speed_filter": FILTER}, 25, {"low_pass": FILTER}),
         ({"position_sensor": {"kind": "ideal"}, "speed_filter": FILTER}, 0, {"low_pass": FILTER}),
         ({"position_sensor": ENCODER, "bus": BUS}, 10, {"delay": 3e-3}),
@@ -290,9 +290,9 @@ def test_the_simulated_drive_starts_to_oscillate_at_the_gain_margin(
         {"delay": 1e-3},
         {"delay": 2.3e-3},
         {"delay": 0.4e-3},
-        {"low_pass": FILTER, "held": True},
+        {"low_pass": FILTER, "is_held": True},
         {"low_pass": FILTER},
-        {"low_pass": 2 * FILTER, "held": True, "delay": 3e-3},
+        {"low_pass": 2 * FILTER, "is_held": True, "delay": 3e-3},
     ],
 )
 @pytest.mark.parametrize("window", [0, 10, 25])
@@ -305,7 +305,7 @@ def test_poles_leave_the_circle_at_the_gain_margin(window: int, more: dict[str, 
         gain = factor * design.margins.gain_margin
         return radius(poles(loop, Linear(ratio=1, k=gain * design.kp, k_i=gain * design.ki)))
 
-    exact = more.get("delay", 0.0) * 1e3 % 1 == 0 and (more.get("held") or "low_pass" not in more)
+    exact = more.get("delay", 0.0) * 1e3 % 1 == 0 and (more.get("is_held") or "low_pass" not in more)
     assert largest(0.999 if exact else 0.93) < 1
     assert largest(1.001 if exact else 1.2) > 1
 
@@ -355,7 +355,7 @@ def test_the_sensor_decides_what_the_speed_is_a_mean_over(tmp_path: Path) -> Non
         },
     )
     loop = speed_loop(late)
-    assert (loop.window, loop.held, loop.low_pass) == (30, False, pytest.approx(400 * math.pi))
+    assert (loop.window, loop.is_held, loop.low_pass) == (30, False, pytest.approx(400 * math.pi))
     assert loop.delay == pytest.approx(40e-6 + 1e-3 + 0.5e-3)
     for method in ("M", "T", "MT"):
         encoder = {"kind": "encoder", "lines": 2500, "speed_method": method}
