@@ -80,6 +80,22 @@ def test_an_interval_holds_the_values_of_logs_that_contradict_each_other() -> No
     assert apart.interval(("cogging", 6, "s")) < 3 * alike.interval(("cogging", 6, "s"))
 
 
+def test_an_interval_holds_an_inertia_that_is_off_by_the_same_in_each_ramp() -> None:
+    """What repeats with the ramps is the same in each block of time: from these alone a sixth is inside."""
+    inside, way = 0, np.sign(np.sin(np.arange(960) * math.pi / 30))
+    speed = np.cumsum(way) / 15 - 1
+    for seed in range(200):
+        random = np.random.default_rng(seed)
+        one = rows("a", random, 0.02, count=len(way))
+        columns = np.column_stack([way, np.sign(speed + 1e-9), one.columns[:, 2:]])
+        repeated = np.tile(0.1 * random.standard_normal(60), 16)
+        y = one.y + (columns - one.columns) @ TRUE + repeated
+        instruments = np.tile(way, (len(LADDER), 1))
+        fitted = fit([replace(one, columns=columns, y=y, omega=speed, instruments=instruments)])
+        inside += int(abs(fitted["j",] - TRUE[0]) <= fitted.interval(("j",)))
+    assert 0.88 * 200 < inside < 200
+
+
 def test_the_chance_of_a_wave_is_small_only_where_there_is_one() -> None:
     chances = []
     for seed in range(200):

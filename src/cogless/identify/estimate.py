@@ -194,7 +194,13 @@ class Logs:
         return not self.moving
 
     def settled(self, model: Model, instrument: int) -> State:
-        """Solve, take the sensor's error out of the angle, and solve again until little is left of it."""
+        """Solve, take the sensor's error out of the angle, and solve again until little is left of it.
+
+        The error shows as sidebands of the cogging, so the cogging comes first.
+        """
+        if model.encoder and not model.waves.keys() >= set(model.cogging):
+            fit = self.solve(model, instrument).fit
+            model = with_waves(model, fit) if fit.get("j") > 0 else model
         for _ in range(ENCODER_ROUNDS):
             state = self.solve(model, instrument)
             fit = state.fit
@@ -508,6 +514,12 @@ def _with_electrical_errors(drive: Logs, state: State) -> State:
     )
 
 
+def with_waves(model: Model, fit: Fit) -> Model:
+    """The model with the cogging and inertia of a fit, beside which the sensor's error shows."""
+    waves = {n: (fit["cogging", n, "c"], fit["cogging", n, "s"]) for n in model.cogging}
+    return replace(model, waves=waves, j=fit["j",])
+
+
 def taken_out(model: Model, fit: Fit) -> Model:
     """The model with the sensor's error that is left taken out of the angle."""
     j = fit["j",]
@@ -515,8 +527,7 @@ def taken_out(model: Model, fit: Fit) -> Model:
     for order in model.encoder:
         c, s = error.get(order, (0.0, 0.0))
         error[order] = (c + fit["encoder", order, "c"] / j, s + fit["encoder", order, "s"] / j)
-    waves = {n: (fit["cogging", n, "c"], fit["cogging", n, "s"]) for n in model.cogging}
-    return replace(model, error=error, waves=waves, j=j)
+    return replace(with_waves(model, fit), error=error)
 
 
 def whole(model: Model, fit: Fit) -> dict[Name, float]:

@@ -3,7 +3,8 @@
 The row of the normal equations that belongs to the acceleration is multiplied by a slow course of it, its
 instrument, which has none of the angle's fast noise nor the law's answer to that. A log at one speed has no
 such course, and so says nothing of inertia. Errors are a jackknife's over blocks of the logs, widened by what
-logs, or quarters of logs, differ by beyond that.
+logs, quarters of logs, or states of the motion differ by beyond that: a current whose waves are faster than
+the rows is off by the same in each ramp, and so in each block.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from cogless.results.trace import Array
 
 LOG_BLOCKS = 12
 BLOCK_ROWS_LEAST = 6  # a block has no fewer
-LOG_QUARTERS = 4  # parts of a log that are compared with each other
+LOG_QUARTERS = 4  # parts of a log, and of its speeds, that are compared with each other
+STATES = 2 * LOG_QUARTERS  # of a log's motion: a quarter of its speeds, faster or slower
 WEIGHING_ROUNDS = 4
 SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
 WELL_POSED = 1e9  # condition of scaled equations, up to which they are inverted
@@ -318,7 +320,9 @@ class Equations:
             count = len(matrices)
             moved = (vectors - matrices @ values) @ inverse.T * count / max(1, count - 1)
         variance, freedom = _variance_of(moved)
-        intervals = self._intervals(moved, variance, freedom)
+        by_state = np.concatenate(weights[:, None, None] * self._by_state(values, instrument)) @ inverse.T
+        by_state *= STATES / (STATES - 1)
+        intervals = self._intervals(moved, by_state, variance, freedom)
         plain = sum(weight * self._plain[log][0] for log, weight in zip(self.logs, weights, strict=True))
         return Fit(
             names=self.names,
@@ -334,17 +338,39 @@ class Equations:
             ),
         )
 
-    def _intervals(self, moved: Array, variance: Array, freedom: Array) -> Array:
-        """Errors at 95 %: of blocks, and of what logs and quarters of logs differ by beyond these.
+    def _by_state(self, values: Array, instrument: int) -> Array:
+        """What the rows of each state of motion add to the normal equations, by log, state and column.
+
+        A state is a quarter of the log's speeds, with an acceleration of one sign.
+        """
+        sums = np.zeros((len(self.logs), STATES, len(values)))
+        for k, log in enumerate(self.logs):
+            own = [rows for rows in self.rows if rows.log.name == log]
+            shares = np.arange(1, LOG_QUARTERS) / LOG_QUARTERS
+            edges = np.quantile(np.concatenate([rows.omega for rows in own]), shares)
+            for rows in own:
+                place = [self.names.index(name) for name in rows.names]
+                residual, course = rows.y - rows.columns @ values[place], rows.instruments[instrument]
+                factors = np.array(rows.columns)
+                for name, x in ((("j",), course), (("delay",), self._late.get(id(rows)))):
+                    if name in rows.names and x is not None:
+                        factors[:, rows.names.index(name)] = x
+                states = np.searchsorted(edges, rows.omega) + LOG_QUARTERS * (course > 0)
+                for state in np.unique(states):
+                    here = states == state
+                    sums[k, state, place] += residual[here] @ factors[here]
+        return sums
+
+    def _intervals(self, moved: Array, by_state: Array, variance: Array, freedom: Array) -> Array:
+        """Errors at 95 %: of blocks, and of what logs, quarters of logs and states differ by beyond these.
 
         The excess is a random effect, with few degrees of freedom; their sum has those after Satterthwaite.
         """
         widest = student.ppf(0.975, freedom) * np.sqrt(variance)
-        for key in (lambda block: (block.log, 0), lambda block: (block.log, block.part)):
-            groups: dict[tuple[str, int], Array] = {}
-            for block, by in zip(self.blocks, moved, strict=True):
-                groups[key(block)] = groups.get(key(block), 0.0) + by
-            between, fewer = _variance_of(np.array(list(groups.values())))
+        parts = [np.array([block.part for block in self.blocks]) + LOG_QUARTERS * self._log_of, self._log_of]
+        by_part = [np.array([moved[part == one].sum(axis=0) for one in np.unique(part)]) for part in parts]
+        for groups in (*by_part, by_state):
+            between, fewer = _variance_of(groups)
             excess = np.maximum(0.0, between - variance)
             total = np.maximum(variance + excess, 1e-300)
             spare = total**2 / np.maximum(excess**2 / fewer + variance**2 / freedom, 1e-300)
