@@ -513,9 +513,11 @@ def test_a_signal_is_moved_by_parts_of_a_row() -> None:
     x = np.arange(50.0)
     wave = x**2
     assert shifted(wave, 0.0) is wave
+    quick = np.sin(0.8 * x)
+    assert shifted(quick, -0.4)[5:-5] == pytest.approx(np.sin(0.8 * (x - 0.4))[5:-5], abs=2e-4)
     assert shifted(wave, 3.0)[5:-5] == pytest.approx(((x + 3) ** 2)[5:-5])
-    assert shifted(wave, 2.25)[5:-5] == pytest.approx(((x + 2.25) ** 2)[5:-5])
-    assert shifted(wave, -1.5)[5:-5] == pytest.approx(((x - 1.5) ** 2)[5:-5])
+    assert shifted(wave, 2.25)[5:-7] == pytest.approx(((x + 2.25) ** 2)[5:-7])
+    assert shifted(wave, -1.5)[6:-6] == pytest.approx(((x - 1.5) ** 2)[6:-6])
     assert shifted(wave, 3.0)[-1] == wave[-1] and shifted(wave, -3.0)[0] == wave[0]
 
 

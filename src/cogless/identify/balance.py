@@ -1,7 +1,7 @@
 """Rows of the balance of torques, in A, that one log gives.
 
     i_q = j alpha + b omega + c sgn omega + offset + load - cogging(theta) - i_q ripple(theta)
-          + encoder's error + friction waves + Stribeck,    all at the current's time less the delay
+          + encoder's error + friction waves + Stribeck + sticking,   all at the current's time less the delay
 
 The current is never interpolated: the angle, which is smooth, is taken at the current's time. So the mean of
 i_q times a wave is right even where the wave is faster than the rows. All terms pass one Gaussian.
@@ -29,6 +29,9 @@ SEEN_PHASE, HELD_PHASE = 2.4, 1.2
 ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own where its phase is not known
 KERNEL_WIDTH = 6e-3  # s, before the noises are known
 CREEP_SHARE = 0.05  # share of a log's median speed
+STILL_DEVIATIONS = 3  # standard deviations of an angle's change, within which the rotor may stand
+HALF_HEIGHT_WIDTHS = 2.355  # widths of a Gaussian in which it is above half its height: sqrt(8 log 2)
+STANDING_ROWS_LEAST = 1  # whole rows of a rotor that stands, from which on they tell its friction
 WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
 WIDTH_ROWS = 1.5  # smallest width of a kernel, whose image of a wave of SEEN_PHASE is a ten-thousandth
 Name = tuple[str | int, ...]
@@ -191,12 +194,17 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     if "torque" in log:
         y = y - filtered(log["torque"][stretch])
     moved = np.abs(omega) * dt / sensor.step if sensor.step else np.ones(count)
-    # slower, the steps are a sawtooth
-    share = np.minimum(1.0, moved) * angle_noise(log, stretch, sensor.step)
+    noise = angle_noise(log, stretch, sensor.step)
+    share = np.minimum(1.0, moved) * noise  # slower, the steps are a sawtooth
     derived = {("j",): kernel.acceleration, ("b",): kernel.speed}
     creeping = CREEP_SHARE * float(np.median(np.abs(slow)))  # at a reversal friction is not that of sliding
     slowest = max(_slowest(sensor.step, REACH_WIDTHS * width), creeping, 1e-9)
     free = (np.abs(rubbing) > 0.999) & (np.abs(omega) > slowest)
+    if "c" in model.columns:  # while a rotor stands, its friction is less than Coulomb's
+        resolved = max(sensor.step, STILL_DEVIATIONS * float(np.sqrt(2 * noise)))
+        sticking = filtered(way * _standing(turned, resolved, max(creeping, 1e-9) * dt, width / dt))
+        if np.sum(sticking[free] ** 2) > STANDING_ROWS_LEAST:
+            columns["sticking", log.name] = sticking
     at = (kernel.half + step * np.arange(count)).astype(np.float64)
     middle = turned[kernel.half : kernel.half + step * count : step]
     instruments = _instruments(alpha, step * dt)
@@ -213,6 +221,25 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
         instruments=instruments[:, free],
         spacing=step * dt,
     )
+
+
+def _standing(theta: Array, resolved: float, creeping: float, width: float) -> NDArray[np.bool_]:
+    """Whether the rotor stands, as a kernel of this width in rows resolves it.
+
+    It moves by less than `resolved`, rad, in the rows in which `creeping`, rad a row, moves it as far. A
+    shorter stand than the rows in which the kernel is above half its height does not count.
+    """
+    stands = np.zeros(len(theta), np.bool_)
+    rows = int(np.ceil(min(resolved / creeping, len(theta) - 1.0)))
+    if rows > REACH_WIDTHS * width:
+        return stands
+    still = np.abs(theta[rows:] - theta[:-rows]) <= resolved
+    for row in range(rows + 1):
+        stands[row : len(still) + row] |= still
+    edges = np.flatnonzero(np.diff(stands, prepend=False, append=False))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        stands[begin:end] = end - begin >= HALF_HEIGHT_WIDTHS * width
+    return stands
 
 
 def _by_angle(

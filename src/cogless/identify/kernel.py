@@ -7,6 +7,7 @@ import numpy as np
 from cogless.results.trace import Array
 
 REACH_WIDTHS = 4  # widths that a kernel reaches to either side
+SHIFT_ROWS = 8  # rows through which a polynomial has a signal between two of them
 ANSWER_ROWS = 8  # in which a law's current follows the angle
 
 
@@ -53,14 +54,20 @@ def _derivatives(x: Array, width: float) -> tuple[Array, Array]:
 
 
 def shifted(x: Array, rows: float) -> Array:
-    """The signal so many rows later, by a cubic; at the ends it stays."""
+    """The signal so many rows later, by the polynomial through SHIFT_ROWS rows; at the ends it stays."""
     if not rows:
         return x
-    k = int(np.floor(rows))
-    f, ends = rows - k, abs(k) + 2
+    first = int(np.floor(rows)) - SHIFT_ROWS // 2 + 1
+    ends = abs(first) + SHIFT_ROWS
     padded = np.concatenate((x[:1].repeat(ends), x, x[-1:].repeat(ends)))
-    a, b, c, d = (padded[ends + k + m : ends + k + m + len(x)] for m in (-1, 0, 1, 2))
-    return np.asarray(b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a))))
+    return np.asarray(np.correlate(padded, _polynomial(rows - first), "valid")[ends + first :][: len(x)])
+
+
+def _polynomial(place: float) -> Array:
+    """Weights by which a polynomial through SHIFT_ROWS rows has its value at a place among them, in rows."""
+    others = np.arange(SHIFT_ROWS)
+    factors = [np.delete(others, row) for row in others]
+    return np.array([np.prod((place - rest) / (row - rest)) for row, rest in enumerate(factors)])
 
 
 def white_noise(x: Array, answers: Array | None = None) -> float:
