@@ -917,7 +917,7 @@ def test_bars_of_an_estimate_are_as_long_as_the_waves(known: Identification) -> 
     share = identified.render(Identified(estimate(known, ripple=(wave(6, 0.02, 0.005),)), {}))
     assert "Ripple of K_t by mechanical order" in share and "<td>2 +- 0.5 %</td>" in share
     assert bars(identified.render(Identified(estimate(known, ripple=(wave(6, 0.01, 0.03),)), {})))["6"] == [
-        ("var(--c1)", 0.0), (identified.FAINT, 100.0)
+        ("var(--c1)", 0.0), (identified.ERROR_COLOUR, 100.0)
     ]  # fmt: skip
     assert cells(page)[3] == ["Value", "with its error"]
     assert cells(page)[4] == ["offset of i_q, or a load", "0.02 +- 0.001 A"]

@@ -20,12 +20,12 @@ from cogless.identify.result import Estimate, Value, Wave
 from cogless.identify.sessions import SESSION_KEYS, sessions
 from cogless.identify.write import value_text
 from cogless.report import svg
-from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, bars, legend, note, sentences, still_page, text_table
+from cogless.report.pictures import STYLE, Plot, save
 from cogless.results.trace import Trace
 
 PICTURE_POINTS = 1000  # of a curve, at least, if the log has them
-FAINT = "color-mix(in srgb, var(--c1) 35%, transparent)"
+ERROR_COLOUR = "color-mix(in srgb, var(--c1) 35%, transparent)"
 
 
 def write_report(identified: Identified, path: Path) -> None:
@@ -95,7 +95,7 @@ def _orders(estimate: Estimate) -> str:
         top = max(wave.size.value + wave.size.error for wave in waves)
         for wave in waves:
             low, high = max(0.0, wave.size.value - wave.size.error), wave.size.value + wave.size.error
-            parts = [("var(--c1)", low / top), (FAINT, (high - low) / top)]
+            parts = [("var(--c1)", low / top), (ERROR_COLOUR, (high - low) / top)]
             size = Value(factor * wave.size.value, factor * wave.size.error)
             rows.append((str(wave.order), parts, value_text(size, unit)))
         text += f"<h3>{escape(title)} by mechanical order, with errors</h3>{bars(title, rows)}"
@@ -126,12 +126,12 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     count = min(rows, round(1.0 / log.dt))
     start = max(0, (rows - count) // 2)
     x, y = x[start : start + count], y[start : start + count]
-    shown = slice(None, None, max(1, count // PICTURE_POINTS))
+    every = slice(None, None, max(1, count // PICTURE_POINTS))
     unit = "rad/s" if measured == "omega" else "A"
     values = svg.linear(f"{measured} ({unit})", float(min(x.min(), y.min())), float(max(x.max(), y.max())))
     axes = svg.Axes(svg.linear("time (s)", 0.0, count * log.dt), values, svg.PAGE_WIDTH)
-    time = log.dt * np.arange(count)[shown]
-    drawn = [axes.line(time, v[shown], colour) for v, colour in ((x, "--c0"), (y, "--c2"))]
+    time = log.dt * np.arange(count)[every]
+    drawn = [axes.line(time, v[every], colour) for v, colour in ((x, "--c0"), (y, "--c2"))]
     ratio = float(np.std(y) / np.std(x)) if np.std(x) else float("nan")
     title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation simulated over measured {ratio:.2f}"
     return axes.panel(title, *drawn)
@@ -167,6 +167,6 @@ def _sessions(estimate: Estimate) -> str:
     rows = []
     for session in sessions(estimate):
         values = [session.values.get(key) for key in SESSION_KEYS]
-        told = ["not told" if value is None else value_text(value, "A") for value in values]
-        rows.append([session.name, ", ".join(session.logs), *told])
+        texts = ["not told" if value is None else value_text(value, "A") for value in values]
+        rows.append([session.name, ", ".join(session.logs), *texts])
     return text_table("", "Sessions", ("Session", "logs", "friction over K_t", "offset of i_q"), rows)

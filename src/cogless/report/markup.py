@@ -60,8 +60,8 @@ def frame(command: str, title: str, main: str, footer: str, **more: str) -> str:
 def still_page(command: str, title: str, sections: Sequence[tuple[str, str]]) -> str:
     """A page without scripts from these sections, heading and HTML each; empty ones are left out."""
     main = "".join(f"<section><h2>{escape(name)}</h2>{text}</section>\n" for name, text in sections if text)
-    made = f"Made by cogless {escape(versions()['cogless'])}. Errors are at 95 % confidence."
-    return frame(command, title, main, made)
+    footer = f"Made by cogless {escape(versions()['cogless'])}. Errors are at 95 % confidence."
+    return frame(command, title, main, footer)
 
 
 def note(text: str) -> str:

@@ -15,7 +15,7 @@ from cogless.results.trace import Array
 
 PANEL_WIDTH, PAGE_WIDTH, PICTURE_HEIGHT = 360, 1040, 230  # px
 LEFT_EDGE, RIGHT_MARGIN, TOP_EDGE, LOW_EDGE = 52, 16, 24, 188  # px, of the axes in a picture
-PARTS_MOST = 5  # of an axis between round values
+AXIS_PARTS_MOST = 5  # of an axis between round values
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Scale:
 def linear(label: str, low: float, high: float) -> Scale:
     """An axis with ticks at round values; it is one long for a single value."""
     high = high if high > low else low + 1.0
-    apart = (high - low) / PARTS_MOST
+    apart = (high - low) / AXIS_PARTS_MOST
     decade = 10.0 ** math.floor(math.log10(apart))
     step = next(n * decade for n in (1, 2, 5, 10) if n * decade >= apart)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
