@@ -134,11 +134,11 @@ def test_the_report_says_what_was_found(chain):
     for text in ("inertia over K_t", "Measured over simulated", "load-backwards", "predicted by the others"):
         assert text in page
     found = json.loads((chain / "found/identified.json").read_text())
-    kinds = {"cogging": "Cogging (mN m)", "torque_constant_ripple": "Ripple of K_t (%)",
-             "encoder": "Encoder&#x27;s error (deg)"}  # fmt: skip
+    kinds = {"cogging": "Cogging", "torque_constant_ripple": "Ripple of K_t",
+             "encoder": "Encoder&#x27;s error"}  # fmt: skip
     for kind, title in kinds.items():
-        drawn = re.findall(rf"<h3>{re.escape(title)} by mechanical order.*?</svg>", page, re.DOTALL)
-        orders = re.findall(r'"middle">(\d+)<', "".join(drawn))
+        drawn = re.findall(rf"<h3>{title} by mechanical order.*?</table>", page, re.DOTALL)
+        orders = re.findall(r'<tr><th>(\d+)</th><td class="wide">', "".join(drawn))
         assert orders == [str(wave["order"]) for wave in found[kind]], title
     assert "src=" not in page and "href=" not in page  # works offline
     ratios = re.findall(r"one-speed: (?:omega|i_q) \(.*? simulated over measured ([\d.]+|nan)", page)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from identify.commissioned import MOTORS
 from identify.fits import fit_of
+from report.curves import curves
 
 from cogless.errors import StudyError
 from cogless.identify import config, described, diagnosis, findings, plan, speed_alone, write
@@ -28,7 +29,7 @@ from cogless.identify.jackknife import fit
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.identify.sessions import Session, sentences
-from cogless.report import diagnosed, identified
+from cogless.report import diagnosed, identified, svg
 from cogless.results.trace import Trace
 
 TURN = 2 * math.pi
@@ -827,10 +828,11 @@ def test_the_files_of_an_estimate_have_its_sentences_and_errors(
 # --- pages
 
 
-def rects(page: str) -> list[tuple[float, ...]]:
-    """x, y, width and height of the rectangles in a page's pictures."""
-    found = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"', page)
-    return [tuple(map(float, rect)) for rect in found]
+def bars(page: str) -> dict[str, list[tuple[str, float]]]:
+    """Colour and length, %, of the parts of each bar in a page, by the bar's heading."""
+    rows = re.findall(r'<tr><th>([^<]+)</th><td class="wide"><div>(.*?)</div></td>', page)
+    part = re.compile(r"--colour:([^;]+);width:([\d.]+)%")
+    return {name: [(colour, float(width)) for colour, width in part.findall(bar)] for name, bar in rows}
 
 
 def cells(page: str) -> list[list[str]]:
@@ -850,27 +852,25 @@ def test_a_table_has_eight_cells_for_each_wave_of_its_highest_order(known: Ident
 
 
 def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
-    """540 wide, 34 below each other; a cause has its colour in all logs."""
+    """All bars have the same length; a cause has its colour in all logs."""
     slow = order_at(24, TURN, Cause("cogging", 0.75, 0.05), Cause("encoder", 0.25, 0.0), share=0.8)
     fast = order_at(1, 2 * TURN, Cause("encoder", 1.0, 0.4), share=0.5, load=math.nan)
     small = order_at(7, TURN, share=0.009)
     made = Diagnosis("Two <logs>", (slow, small, fast), {slow.log: 0.559, fast.log: 0.7}, ("Said.",))
     page = diagnosed.render(made)
-    shares = {log: made.causes(log) for log in made.whole}
-    assert page.startswith('<!doctype html><html lang="en">') and "<h1>Two &lt;logs&gt;</h1>" in page
-    bars = rects(page)
-    whole = sum(shares[slow.log].values())
-    assert [bar[2] for bar in bars[:3]] == pytest.approx(
-        [540 * share / whole for share in shares[slow.log].values()], abs=0.06
-    )
-    assert [bar[0] for bar in bars[:3]] == pytest.approx(
-        [170, 170 + bars[0][2], 170 + sum(b[2] for b in bars[:2])], abs=0.2
-    )
-    assert {bar[1] for bar in bars} == {6.0, 40.0} and {bar[3] for bar in bars} == {22.0}
-    assert 'viewBox="0 0 720 68"' in page and '<text x="0" y="54">' in page
-    colours = re.findall(r'--colour:(var\(--c\d\))">([^<]+)<', page)
-    assert [colour for colour, _ in colours] == [f"var(--c{n})" for n in range(len(colours))]
-    assert cells(page) == [
+    assert page.startswith("<!doctype html>") and "<h1>Two &lt;logs&gt;</h1>" in page
+    colours = {name: colour for colour, name in re.findall(r'--colour:(var\(--c\d\))">([^<]+)<', page)}
+    assert [*colours.values()] == [f"var(--c{n})" for n in range(len(colours))]
+    drawn = bars(page)
+    assert [*drawn] == [slow.log, fast.log]
+    for log, parts in drawn.items():
+        shares = made.causes(log)
+        assert [colour for colour, _ in parts] == [colours[name] for name in shares]
+        whole = sum(shares.values())
+        assert [length for _, length in parts] == pytest.approx(
+            [100 * share / whole for share in shares.values()], abs=0.006
+        )
+    assert cells(page)[len(drawn) :] == [
         ["Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence"],
         [
             slow.log,
@@ -893,8 +893,8 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     assert "Nothing is left out." in diagnosed.render(replace(made, remarks=()))
 
 
-def test_bars_of_an_estimate_are_as_high_as_the_waves(known: Identification) -> None:
-    """The largest wave with its error is 160 high; bars stand on a line at 176."""
+def test_bars_of_an_estimate_are_as_long_as_the_waves(known: Identification) -> None:
+    """The largest wave with its error has the whole length; the error is faint on both sides of the value."""
     made = estimate(
         known, values={"offset": Value(0.02, 0.001)}, cogging=(wave(24, 0.05, 0.01), wave(72, 0.03, 0.0)),
         encoder=(wave(1, math.radians(0.2)),), left_out=("Left.",),
@@ -902,27 +902,31 @@ def test_bars_of_an_estimate_are_as_high_as_the_waves(known: Identification) -> 
     page = identified.render(Identified(made, {}))
     headings = re.findall(r"<h2>(.*?)</h2>", page)
     assert headings == ["Orders", "What was found", "What is left out, and what to record next"]
-    first, second, once = rects(page)
-    half = (720 - 46) / 2
-    assert first == pytest.approx((46 + half / 2 - 20, 176 - 160 * 5 / 6, 40, 160 * 5 / 6), abs=0.1)
-    assert second == pytest.approx((46 + 1.5 * half - 20, 176 - 160 * 3 / 6, 40, 160 * 3 / 6), abs=0.1)
-    assert once[3] == pytest.approx(160)
-    low, high = 176 - 160 * 4 / 6, 176 - 160
-    assert f'<path d="M{46 + half / 2:.1f} {high:.1f}V{low:.1f}"' in page
-    assert '<text x="0" y="16">18</text>' in page  # mN m: 0.06 A times 0.3 N m/A
-    assert "Cogging (mN m) by mechanical order, with errors" in page and "Ripple of K_t" not in page
-    assert '<text x="0" y="16">0.2</text>' in page  # deg
-    assert "Encoder&#x27;s error (deg) by mechanical order" in page
+    drawn = bars(page)
+    assert [[length for _, length in parts] for parts in drawn.values()] == [
+        pytest.approx([100 * 4 / 6, 100 * 2 / 6], abs=0.006),
+        pytest.approx([50, 0]),
+        pytest.approx([100, 0]),
+    ]
+    assert [*drawn] == ["24", "72", "1"]
+    assert all(parts[0][0] == "var(--c1)" and "var(--c1) 35%" in parts[1][0] for parts in drawn.values())
+    assert "Cogging by mechanical order, with errors" in page and "Ripple of K_t" not in page
+    assert "Encoder&#x27;s error by mechanical order" in page
+    # 0.05 +- 0.01 A times 0.3 N m/A, in mN m
+    assert [row[-1] for row in cells(page)[:3]] == ["15 +- 3 mN m", "9 mN m", "0.2 deg"]
     share = identified.render(Identified(estimate(known, ripple=(wave(6, 0.02, 0.005),)), {}))
-    assert "Ripple of K_t (%) by mechanical order" in share and '<text x="0" y="16">2.5</text>' in share
-    assert cells(page)[0] == ["Value", "with its error"]
-    assert cells(page)[1] == ["offset of i_q, or a load", "0.02 +- 0.001 A"]
+    assert "Ripple of K_t by mechanical order" in share and "<td>2 +- 0.5 %</td>" in share
+    assert bars(identified.render(Identified(estimate(known, ripple=(wave(6, 0.01, 0.03),)), {})))["6"] == [
+        ("var(--c1)", 0.0), (identified.ERROR_COLOUR, 100.0)
+    ]  # fmt: skip
+    assert cells(page)[3] == ["Value", "with its error"]
+    assert cells(page)[4] == ["offset of i_q, or a load", "0.02 +- 0.001 A"]
     empty = identified.render(Identified(estimate(known), {}))
     assert "Nothing could be told." in empty and "<h2>Orders</h2>" not in empty
 
 
 def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
-    """Three seconds: from 1 to 2 s, a point in each 700th; the simulated one has ten rows for each."""
+    """Three seconds: from 1 to 2 s, a point in each row; the simulated one has ten rows for each."""
     t = DT * np.arange(3000)
     measured = log(rows=3000, omega=5 + np.sin(TURN * t))
     fine = 1e-4 * np.arange(30000)
@@ -931,16 +935,16 @@ def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
     )
     page = identified._overlay(measured, trace, "omega", "omega_measured")
     title = "one.csv: omega (rad/s), 1 s; standard deviation simulated over measured 0.50"
-    assert f"<h3>{title}</h3>" in page and f'aria-label="{title}"' in page
-    lines = [
-        np.array([tuple(map(float, point.split(","))) for point in points.split()])
-        for points in re.findall(r'<polyline points="([^"]+)"', page)
-    ]
-    assert [len(line) for line in lines] == [1000, 1000]
-    for line, size in zip(lines, (1.0, 0.5), strict=True):
-        assert line[:, 0] == pytest.approx(46 + 674 * np.arange(1000) / 1000, abs=0.06)
-        assert line[:, 1] == pytest.approx(180 - 160 * (1 + size * np.sin(TURN * t[1000:2000])) / 2, abs=0.06)
-    assert '<text x="0" y="24">6</text><text x="0" y="180">4</text>' in page
+    assert f"<header>{title}</header>" in page and f'aria-label="{title}"' in page
+    lines = curves(page)
+    assert [colour for colour, _ in lines] == ["c0", "c2"]
+    right = svg.PAGE_WIDTH - svg.RIGHT_MARGIN
+    for (_, line), size in zip(lines, (1.0, 0.5), strict=True):
+        assert line[:, 0] == pytest.approx(np.linspace(svg.LEFT_EDGE, right, 1001)[:-1], abs=0.06)
+        high = (1 + size * np.sin(TURN * t[1000:2000])) / 2
+        assert line[:, 1] == pytest.approx(svg.LOW_EDGE - (svg.LOW_EDGE - svg.TOP_EDGE) * high, abs=0.06)
+    assert re.findall(r'text-anchor="end">([\d.]+)<', page) == ["4", "4.5", "5", "5.5", "6"]
+    assert re.findall(r'text-anchor="middle">([\d.]+)<', page) == ["0", "0.2", "0.4", "0.6", "0.8", "1"]
 
 
 def test_a_log_is_predicted_by_the_others(known: Identification) -> None:

@@ -12,13 +12,15 @@ import pytest
 from commands import cogless
 from printer.printer_bench import FILE, PROBE, SIGNS, ramp_records, write_klipper_logs
 from printer.printer_plant import accelerations, constant_speed, sampled, study_axes
+from report.curves import curves
 
 from cogless.printer.axis import Axis, read_axis
 from cogless.printer.corrections import Correction, Lines, OrderRipple
 from cogless.printer.moves import ramp
 from cogless.printer.ramps import blocks, identify_ramps
 from cogless.printer.records import FITTED_ORDERS, Run
-from cogless.report.carriage import LEFT_EDGE, LOW_EDGE, RIGHT_EDGE, TOP_EDGE, render
+from cogless.report.carriage import render
+from cogless.report.svg import LEFT_EDGE, LOW_EDGE, PANEL_WIDTH, RIGHT_MARGIN, TOP_EDGE
 
 Records = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 AXES = study_axes(1)
@@ -102,10 +104,6 @@ def correction(ripple: OrderRipple) -> Correction:
     return Correction("x", 0.8, 8e-4, None, {}, ripple={"forward": {2: ripple}})
 
 
-def points(text: str) -> np.ndarray:
-    return np.array([[float(x) for x in pair] for pair in re.findall(r"[ML]([\d.]+) ([\d.]+)", text)])
-
-
 def test_the_picture_is_the_numbers_on_logarithmic_axes() -> None:
     """Values that rise a hundredfold in two straight steps; what is below the axis ends at its edge."""
     speeds = np.array([0.02, 0.04, 0.08])
@@ -113,13 +111,13 @@ def test_the_picture_is_the_numbers_on_logarithmic_axes() -> None:
     page = render(correction(one), ["x <y>"])
     assert "<h1>Motor x: ripple of the carriage</h1>" in page and "x &lt;y&gt;" in page
     assert "Order 2 forward, a stripe every 0.4 mm" in page
-    curves = re.findall(r'<path d="([^"]+)" fill="none" stroke="var\(--(c\d)\)"', page)
-    assert [colour for _, colour in curves] == ["c0", "c1", "c1"]
-    before, after = (points(text) for text, _ in curves[:2])
+    drawn = curves(page)
+    assert [colour for colour, _ in drawn] == ["c0", "c1", "c1"]
+    before, after = (points for _, points in drawn[:2])
     middle = (LOW_EDGE + TOP_EDGE) / 2
     assert before[:, 1] == pytest.approx([LOW_EDGE, middle, TOP_EDGE], abs=0.1)
     assert before[1, 0] == pytest.approx(np.mean(before[[0, 2], 0]), abs=0.1)
-    assert LEFT_EDGE < before[0, 0] < before[2, 0] < RIGHT_EDGE
+    assert LEFT_EDGE < before[0, 0] < before[2, 0] < PANEL_WIDTH - RIGHT_MARGIN
     assert after[:, 1] == pytest.approx(3 * [LOW_EDGE], abs=0.1)
     assert re.findall(r'text-anchor="end">([\d.]+)</text>', page) == ["0.1", "1", "10"]
     rows = re.findall(r"<tr><th>order 2 forward</th>(.*?)</tr>", page)

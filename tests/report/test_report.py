@@ -27,11 +27,11 @@ from cogless.report import (
     write_plots,
 )
 from cogless.report import waveforms as room
-from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import QUANTITIES, factor_text, held_back, misses, pretty
 from cogless.report.markup import number, pack, thin, unpack
 from cogless.report.order_charts import order_spectrum, turned_back
 from cogless.report.page import assumptions, settings
+from cogless.report.pictures import SPEED_PICTURES
 from cogless.report.speed_tracking import late, missed, span_of
 from cogless.report.speed_verdict import MEASURED_SIGNALS
 from cogless.report.verdicts import listed, ratio, times, worst

@@ -14,6 +14,7 @@ from test_report_orders import with_signals
 
 from cogless.report import render, write, write_plots
 from cogless.report.answer import answer, pictures
+from cogless.report.charts import to_page
 from cogless.report.comparison import runs_in
 from cogless.report.markup import unpack
 from cogless.report.trials import answer as trial_answer
@@ -63,7 +64,7 @@ def test_the_figures_are_those_of_the_metric_that_judges(made):
 
 
 def test_a_revolution_is_drawn_by_the_rotors_angle(made):
-    turn = pictures(made, low(made))[0]
+    turn = to_page(pictures(made, low(made)))[0]
     assert (turn["x"], turn["unit"]) == ("angle of the rotor (°)", "rpm")
     degrees = turn["start"] + turn["step"] * np.arange(2161)
     assert degrees[-1] == pytest.approx(360)
@@ -76,17 +77,17 @@ def test_a_revolution_is_drawn_by_the_rotors_angle(made):
 def test_a_rotor_that_turns_the_other_way_is_drawn_at_the_same_angles(made):
     backward = with_signals(made, "low-speed", theta_m=lambda run: -run.trace["theta_m"])
     backward = with_signals(backward, "low-speed", omega_ref=lambda run: -run.trace["omega_ref"])
-    drawn = [unpack(pictures(r, low(r))[0]["series"][0]["values"]) for r in (made, backward)]
+    drawn = [unpack(to_page(pictures(r, low(r)))[0]["series"][0]["values"]) for r in (made, backward)]
     assert np.max(np.abs(drawn[1] - drawn[0][::-1])) < 0.05
 
 
 def test_the_strongest_order_counts_the_cycles(made):
     """Order 6 of four pole pairs; the others are below a third of it."""
-    assert pictures(made, low(made))[0]["cycles"] == 24
+    assert to_page(pictures(made, low(made)))[0]["cycles"] == 24
 
 
 def test_the_ripple_over_the_time_is_the_rms_of_a_revolution(made):
-    chart = pictures(made, low(made))[1]
+    chart = to_page(pictures(made, low(made)))[1]
     assert chart["title"].startswith("Speed ripple, rms of the last revolution")
     assert chart["start"] == pytest.approx(1.0, abs=0.02) and len(chart["series"]) == 3
     pi, _, ilc = (np.array(series["values"]) for series in chart["series"])
@@ -103,14 +104,14 @@ def test_a_varying_reference_is_judged_by_its_error_whose_mean_counts(tmp_path):
     )
     made = synthetic.results(synthetic.study(tmp_path, text), rate=RATE)
     off = with_signals(made, "low-speed", omega_m=lambda run: run.trace["omega_ref"] + 2 * RPM)
-    turn, ripple = pictures(off, low(off))
+    turn, ripple = to_page(pictures(off, low(off)))
     assert turn["quantity"] == "speed error" and ripple["quantity"] == "speed error, rms"
     assert np.array(ripple["series"][0]["values"]) == pytest.approx(2.0, rel=1e-3)
 
 
 def test_a_rotor_that_turns_less_is_drawn_over_the_time(made):
     still = with_signals(made, "low-speed", theta_m=lambda run: 1e-3 * run.trace["theta_m"])
-    chart = pictures(still, low(still))[0]
+    chart = to_page(pictures(still, low(still)))[0]
     values = unpack(chart["series"][0]["values"])
     assert chart["x"] == "time (s)" and chart["cycles"] == 0
     assert (chart["start"], chart["start"] + chart["step"] * len(values)) == pytest.approx((9, 10), abs=0.01)
@@ -118,7 +119,7 @@ def test_a_rotor_that_turns_less_is_drawn_over_the_time(made):
 
 def test_a_dip_is_drawn_about_its_event(made):
     runs = runs_in(made, "step-on")
-    chart = pictures(made, runs)[0]
+    chart = to_page(pictures(made, runs))[0]
     values = unpack(chart["series"][0]["values"])
     assert (chart["x"], chart["start"]) == ("time (s)", pytest.approx(1.9))
     assert chart["start"] + chart["step"] * len(values) == pytest.approx(3.5, abs=0.01)
@@ -137,7 +138,7 @@ def test_a_run_whose_speed_was_lost_is_compared_with_nothing(made):
 def test_one_controller_has_one_line_and_one_figure(made):
     alone = Results(made.study, low(made)[:1])
     assert [name for name, *_ in answer(alone, alone.runs).figures] == ["pi"]
-    assert [len(chart["series"]) for chart in pictures(alone, alone.runs)] == [1, 1]
+    assert [len(chart["series"]) for chart in to_page(pictures(alone, alone.runs))] == [1, 1]
     assert "→" not in re.sub(r"<script.*", "", render(alone), flags=re.S)
 
 
@@ -149,11 +150,12 @@ def test_infinite_values_have_no_factor(made):
 def test_the_guards_hold_is_marked(made):
     """It takes what is learned away for a while: the ripple is back, and a reader asks why."""
     bits = lambda run: 2048.0 * ((run.trace.time > 4) & (run.trace.time < 6)) * (run.controller == "pi-ilc")  # noqa: E731
-    held = pictures(*(lambda r: (r, low(r)))(with_signals(made, "low-speed", status=bits)))[1]["held"]
+    guarded = with_signals(made, "low-speed", status=bits)
+    held = to_page(pictures(guarded, low(guarded))[1])["held"]
     assert [(round(h["from"], 2), round(h["to"], 2), h["label"]) for h in held] == [
         (4, 6, "the guard holds PI-ILC back")
     ]
-    assert pictures(made, low(made))[1]["held"] == []
+    assert pictures(made, low(made))[1].holds == []
 
 
 def test_a_hold_in_which_the_ripple_rises_is_named_a_test(made):
@@ -167,7 +169,7 @@ def test_a_hold_in_which_the_ripple_rises_is_named_a_test(made):
 
     bits = lambda run: 2048.0 * ((run.trace.time > 4) & (run.trace.time < 6)) * (run.controller == "pi-ilc")  # noqa: E731
     tested = with_signals(made, "low-speed", status=bits, omega_m=speed, omega_measured=speed)
-    held = pictures(tested, low(tested))[1]["held"]
+    held = to_page(pictures(tested, low(tested)))[1]["held"]
     assert [h["label"] for h in held] == ["test: PI-ILC without learning"]
 
 

@@ -9,14 +9,17 @@ import pytest
 from cogless.design.trials.certificate import Learning
 from cogless.report import (
     angle_charts,
+    charts,
     comparison,
     map_charts,
     markup,
     order_charts,
     panels,
+    svg,
     trial_certificate,
     trials,
 )
+from cogless.report.charts import to_page
 from cogless.results.trace import Trace
 from cogless.study.laws.periodic import PiIlc
 
@@ -70,7 +73,7 @@ def test_bars_are_of_twelve_electrical_orders_and_the_24_strongest_mechanical_on
     """Up to the order that all runs resolve."""
     found[0] = None, [0.0, *np.arange(40.0, 0, -1)]
     found[1] = np.arange(41.0), [0.0, *np.arange(1.0, 41.0)]
-    electrical, mechanical = order_charts.spectra(results, [resolved(0, 40), resolved(1, 30)])
+    electrical, mechanical = to_page(order_charts.spectra(results, [resolved(0, 40), resolved(1, 30)]))
     assert electrical["orders"] == list(range(1, 13))
     assert (electrical["title"], electrical["x"]) == (
         "Speed by electrical order",
@@ -85,16 +88,16 @@ def test_bars_are_of_twelve_electrical_orders_and_the_24_strongest_mechanical_on
     sizes = sorted(range(1, 31), key=lambda n: -max(41 - n, n))
     assert set(mechanical["orders"]) >= set(sizes[:22]) and len(mechanical["orders"]) == 24
     assert mechanical["orders"] == sorted(mechanical["orders"])
-    few, _ = order_charts.spectra(results, [resolved(0, 11)])
+    few, _ = to_page(order_charts.spectra(results, [resolved(0, 11)]))
     assert few["orders"] == [1, 2, 3, 4, 5]
 
 
 def test_a_mechanical_order_has_a_bar_from_a_thousandth_of_the_largest_on(results, found):
     found[0] = None, [0.0, 0.0101, 10.0, 0.0099, 0.0, np.nan]
-    _, mechanical = order_charts.spectra(results, [resolved(0, 5)])
+    _, mechanical = to_page(order_charts.spectra(results, [resolved(0, 5)]))
     assert mechanical["orders"] == [1, 2]
     results.study.motor.pole_pairs = 1
-    (only,) = order_charts.spectra(results, [resolved(0, 5)])
+    (only,) = to_page(order_charts.spectra(results, [resolved(0, 5)]))
     assert only["title"] == "Speed by electrical order" and only["orders"] == [1, 2, 3, 4, 5]
     found[0] = None, None
     assert order_charts.spectra(results, [resolved(0, 5)]) == []
@@ -102,7 +105,7 @@ def test_a_mechanical_order_has_a_bar_from_a_thousandth_of_the_largest_on(result
 
 def test_where_any_reference_varies_the_bars_are_of_the_error(results, found):
     found[0] = found[1] = None, [0.0, 1.0, 2.0]
-    chart, _ = order_charts.spectra(results, [resolved(0, 2), resolved(1, 2, signal="omega_error")])
+    chart, _ = to_page(order_charts.spectra(results, [resolved(0, 2), resolved(1, 2, signal="omega_error")]))
     assert (chart["title"], chart["quantity"]) == ("Speed error by electrical order", "speed error amplitude")
 
 
@@ -169,12 +172,12 @@ def test_a_waterfall_is_sorted_by_speed_and_ends_with_the_last_order_of_any_run(
     swept = order_charts.Tracked(
         np.array([1.0, 2.0]), np.array([30.0, 10.0]) * np.pi / 30, {0: amplitudes, 1: other}
     )
-    first, second = order_charts.waterfall(results, swept)
+    first, second = to_page(order_charts.waterfall(results, swept))
     assert (first["speeds"], first["orders"], first["top"]) == ([10.0, 30.0], 3, 9.0)
     assert [chart["controller"] for chart in (first, second)] == [0, 1]
     assert markup.unpack(first["values"]) == pytest.approx([3, 0, 0, 2, 0, 0], abs=1e-4)
     assert markup.unpack(second["values"]) == pytest.approx([0, 0, 9, 0, 0, 1], abs=1e-4)
-    charts = order_charts.tracking(results, [], swept)
+    charts = to_page(order_charts.tracking(results, [], swept))
     assert [(c["title"], c["x"], c["along"]) for c in charts] == [
         (f"Order {n} of the mechanical revolution", "speed (rpm)", [10.0, 30.0]) for n in (1, 3)
     ]
@@ -196,18 +199,18 @@ def test_maps_are_drawn_on_the_grid_of_the_finest_up_to_1440_cells(results):
     results.study.controller = {name: SimpleNamespace(learned=name != "c") for name in "abc"}
     full, half = np.arange(4) * TURN / 4, np.arange(2) * TURN / 4
     runs = [learned(0, full, [0, 1, 2, 3]), learned(1, half, [5, 7]), learned(2, full, [9] * 4)]
-    (chart,) = map_charts.maps(
-        results, [*runs, learned(0, full, [1] * 4, "trial"), SimpleNamespace(memory={})]
+    (chart,) = to_page(
+        map_charts.maps(results, [*runs, learned(0, full, [1] * 4, "trial"), SimpleNamespace(memory={})])
     )
     assert (chart["x"], chart["angle"]) == ("mechanical angle (°)", [0, 90, 180, 270, 360])
     assert [series["controller"] for series in chart["series"]] == [0, 1]
     assert [series["values"] for series in chart["series"]] == [[0, 1, 2, 3, 0], [5, 7, 5, 7, 5]]
     long = np.arange(2000) * TURN / 2000
-    (fine,) = map_charts.maps(results, [learned(0, long, np.cos(long), "electrical")])
+    (fine,) = to_page(map_charts.maps(results, [learned(0, long, np.cos(long), "electrical")]))
     assert fine["x"] == "electrical angle (°)" and len(fine["angle"]) == 1441
     assert map_charts.maps(results, [learned(0, [0.0], [1.0])]) == []
     third = np.arange(3) * TURN / 7
-    (odd,) = map_charts.maps(results, [learned(0, third, [0, 1, 2])])
+    (odd,) = to_page(map_charts.maps(results, [learned(0, third, [0, 1, 2])]))
     assert odd["angle"] == pytest.approx([0, 51.429, 102.857, 154.286], abs=1e-9)  # thousandths of a degree
 
 
@@ -223,7 +226,7 @@ def test_the_polar_map_needs_two_turns_of_its_frame(results, monkeypatch, frame,
     run.memory = {"frame": frame}
     unlearned = run_of(1, theta_m=theta)
     unlearned.memory, unlearned.terms = {}, []
-    found = map_charts.polar(results, [run, unlearned])
+    found = to_page(map_charts.polar(results, [run, unlearned]))
     if not rows:
         assert found == []
         return
@@ -316,7 +319,7 @@ def test_a_sensitivity_is_from_a_tenth_of_the_revolutions_to_nearly_half_the_rat
         monkeypatch.setattr(angle_charts, name, value)
     run = type("Run", (int,), {"scenario": "low"})
     results = SimpleNamespace(study=SimpleNamespace(scenario=scenario))
-    magnitude, phase = angle_charts.bode(results, [run(0), run(1)])
+    magnitude, phase = to_page(angle_charts.bode(results, [run(0), run(1)]))
     f = magnitude["frequency"]
     assert (f[0], f[-1], len(f)) == (*map(pytest.approx, ends), 400)
     (series,) = magnitude["series"]
@@ -343,7 +346,7 @@ def test_factors_of_all_controllers_share_the_frequencies_above_zero(results):
     """A controller has a full curve, that with its Q filter if there is one; the one without it is dashed."""
     one, two = factors([0.0, 10.0, 30.0], [1.0, 0.5, 0.5]), factors([0.0, 20.0], [2.0, 4.0])
     runs = [run_of(0, x=[0.0]), run_of(1, x=[0.0])]
-    chart = trial_certificate._chart(results, "Plant", [(runs[0], one, False), (runs[1], two, True)])
+    chart = to_page(trial_certificate._chart(results, "Plant", [(runs[0], one, False), (runs[1], two, True)]))
     assert chart["frequency"] == [10, 20, 30]
     assert chart["title"] == "Plant: |F| of the worst plant, without Q filter dashed"
     full, dashed = chart["series"]
@@ -351,7 +354,7 @@ def test_factors_of_all_controllers_share_the_frequencies_above_zero(results):
     assert markup.unpack(full["values"]) == pytest.approx([0.5] * 3, abs=1e-4)
     assert markup.unpack(dashed["values"]) == pytest.approx([3, 4, 4], abs=1e-4)
     assert (
-        trial_certificate._chart(results, "Plant", [(runs[0], one, False)])["title"]
+        to_page(trial_certificate._chart(results, "Plant", [(runs[0], one, False)]))["title"]
         == "Plant: |F| of the worst plant"
     )
 
@@ -383,14 +386,52 @@ def test_a_limit_of_a_gain_is_none_if_it_is_rounding(limit, text):
 def test_trials_that_a_logarithmic_axis_cannot_show_are_told(results):
     runs = [run_of(n, x=[0.0]) for n in range(3)]
     values = {"a": np.array([1.0, 0.0, 100.0]), "b": np.array([0.0, 0.0, np.inf, np.nan]), "c": None}
-    chart = trials._chart(results, "Title", "RMS", "mrad", runs, values)
+    chart = to_page(trials._chart(results, "Title", "RMS", "mrad", runs, values))
     assert chart["note"] == (
         "Not on a logarithmic axis: a, 1 trial at zero; b, 2 trials at zero; b, 2 trials not finite."
     )
     assert [series["controller"] for series in chart["series"]] == [0, 1]
     assert markup.unpack(chart["series"][0]["values"])[[0, 2]] == pytest.approx([0, 2], abs=1e-4)
     assert (chart["title"], chart["x"], chart["quantity"], chart["unit"]) == ("Title", "trial", "RMS", "mrad")
-    assert trials._chart(results, "", "", "", runs[:1], {"a": np.array([1.0])})["note"] == ""
+    assert to_page(trials._chart(results, "", "", "", runs[:1], {"a": np.array([1.0])}))["note"] == ""
+
+
+# --- data and small pictures
+
+
+def test_a_chart_is_the_pages_json():
+    """A field at its default is left out, another may have its own key; only a curve is packed."""
+    curve = charts.Curve(values=np.array([1.0, np.nan, 3.0]), details=[np.array([1.0])], dash=True)
+    held = charts.Span(1.0, 2.0, "held")
+    made = charts.OverGrid(
+        title="T", quantity="q", unit="A", start=0.0, step=0.5, x_unit="s", holds=[held], series=[curve]
+    )
+    drawn = to_page(made)
+    (series,) = drawn.pop("series")
+    assert drawn == {
+        "title": "T", "quantity": "q", "unit": "A", "start": 0.0, "step": 0.5, "about": "s",
+        "held": [{"from": 1.0, "to": 2.0, "label": "held"}],
+    }  # fmt: skip
+    assert series == {"dash": True, "values": markup.pack(curve.values), "details": [markup.pack(np.ones(1))]}
+    plain = charts.Series(controller=0, label="", values=np.array([1.234567, np.inf]))
+    assert to_page(plain) == {"controller": 0, "label": "", "values": [1.2346, None]}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "names"),
+    [
+        (0.0, 1.0, ["0", "0.2", "0.4", "0.6", "0.8", "1"]),
+        (-0.3, 0.3, ["-0.2", "0", "0.2"]),
+        (1234.1, 1234.3, ["1234.1", "1234.15", "1234.2", "1234.25", "1234.3"]),
+        (2e-7, 9e-7, ["2e-07", "4e-07", "6e-07", "8e-07"]),
+        (5.0, 5.0, ["5", "5.2", "5.4", "5.6", "5.8", "6"]),
+    ],
+)
+def test_ticks_of_an_axis_are_round(low, high, names):
+    axis = svg.linear("what", low, high)
+    assert [*axis.ticks.values()] == names
+    assert [*axis.ticks] == pytest.approx([float(name) for name in names], rel=1e-9, abs=1e-12)
+    assert axis.shares([axis.low, axis.high, axis.low - 1]) == pytest.approx([0, 1, 0])
 
 
 # --- numbers

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from report.curves import curves
 
 from cogless.identify.config import LogRule
 from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.identify.sessions import Session
-from cogless.report import identified
+from cogless.report import identified, svg
 from cogless.results.trace import Trace
 
 
@@ -26,30 +27,26 @@ def trace_of(rows, period, **signals):
     )
 
 
-def points(page):
-    """x and y of each curve's points."""
-    found = re.findall(r'<polyline points="([^"]+)"', page)
-    return [np.array([[float(x) for x in point.split(",")] for point in line.split()]) for line in found]
-
-
 def test_a_replay_of_many_rows_is_drawn_with_fewer_points():
-    """Every second one of 2000. A signal that is constant is drawn at the bottom, and has no ratio."""
-    x = np.linspace(0.0, 1.0, 2000)
-    trace = trace_of(2000, 5e-4, i_q=x)
-    page = identified._overlay(log_of(2000, 5e-4, i_q=x), trace, "i_q", "i_q")
-    for line in points(page):
-        assert line[:, 0] == pytest.approx(46 + 674 * np.arange(1000) / 1000, abs=0.06)
-        assert line[:, 1] == pytest.approx(180 - 160 * x[::2], abs=0.06)
+    """Every third one of 3000. A signal that is constant is drawn at the bottom, and has no ratio."""
+    x = np.linspace(0.0, 1.0, 3000)
+    trace = trace_of(3000, 1 / 3000, i_q=x)
+    page = identified._overlay(log_of(3000, 1 / 3000, i_q=x), trace, "i_q", "i_q")
+    for _, line in curves(page):
+        right = svg.PAGE_WIDTH - svg.RIGHT_MARGIN
+        assert line[:, 0] == pytest.approx(np.linspace(svg.LEFT_EDGE, right, 1001)[:-1], abs=0.06)
+        high = svg.LOW_EDGE - svg.TOP_EDGE
+        assert line[:, 1] == pytest.approx(svg.LOW_EDGE - high * x[::3], abs=0.06)
     assert "one.csv: i_q (A), 1 s; standard deviation simulated over measured 1.00" in page
     still = identified._overlay(log_of(20, 0.1, i_q=0.0), trace_of(20, 0.1, i_q=np.zeros(20)), "i_q", "i_q")
     assert "simulated over measured nan" in still
-    assert {y for line in points(still) for y in line[:, 1]} == {180.0}
-    assert [len(line) for line in points(still)] == [10, 10]
+    assert {y for _, line in curves(still) for y in line[:, 1]} == {svg.LOW_EDGE}
+    assert [len(line) for _, line in curves(still)] == [10, 10]
 
 
 def test_a_simulated_run_coarser_than_its_log_is_drawn_too():
     page = identified._overlay(log_of(20, 0.1, i_q=0.0), trace_of(7, 0.3, i_q=np.ones(7)), "i_q", "i_q")
-    assert [len(line) for line in points(page)] == [7, 7]
+    assert [len(line) for _, line in curves(page)] == [7, 7]
 
 
 def test_what_was_played_has_a_key_and_a_picture_of_each_signal(monkeypatch):
@@ -60,9 +57,9 @@ def test_what_was_played_has_a_key_and_a_picture_of_each_signal(monkeypatch):
         page = identified._replays(SimpleNamespace(estimate=None, traces={log.name: trace}))
         assert page.startswith(
             '<p class="note"><span class="key" style="--colour:var(--c0)">measured</span> '
-            '<span class="key" style="--colour:var(--c2)">simulated</span></p><h3>'
+            '<span class="key" style="--colour:var(--c2)">simulated</span></p><div class="panels">'
         )
-        assert re.findall(r"<h3>one.csv: (.*?), 1 s", page) == names
+        assert re.findall(r"<header>one.csv: (.*?), 1 s", page) == names
     assert identified._replays(SimpleNamespace(estimate=None, traces={})) == ""
 
 

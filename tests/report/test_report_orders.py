@@ -10,6 +10,7 @@ from test_report import data_of
 from cogless.design.learning_loop import LearningLoop
 from cogless.design.verdict import judged
 from cogless.report import angle_charts, map_charts, order_charts, render, tables
+from cogless.report.charts import to_page
 from cogless.report.comparison import runs_in
 from cogless.report.markup import unpack
 from cogless.results import Results
@@ -53,7 +54,7 @@ def run_up(made):
 
 def test_an_order_stands_upright_and_a_resonance_runs_across(run_up):
     runs = runs_in(run_up, "low-speed")
-    chart, *others = order_charts.waterfall(run_up, order_charts.tracked(run_up, runs))
+    chart, *others = to_page(order_charts.waterfall(run_up, order_charts.tracked(run_up, runs)))
     assert [c["controller"] for c in (chart, *others)] == [0, 1, 2]
     cells = unpack(chart["values"]).reshape(len(chart["speeds"]), chart["orders"])
     speeds = np.array(chart["speeds"])
@@ -70,7 +71,7 @@ def test_an_order_stands_upright_and_a_resonance_runs_across(run_up):
 def test_the_strongest_orders_are_followed_over_the_speed(run_up):
     runs = runs_in(run_up, "low-speed")
     found = order_charts.tracked(run_up, runs)
-    charts = order_charts.tracking(run_up, runs, found)
+    charts = to_page(order_charts.tracking(run_up, runs, found))
     assert found.sweeps and charts[0]["x"] == "speed (rpm)"
     chart = next(c for c in charts if c["title"].startswith(f"Order {UPRIGHT} "))
     assert chart["series"][0]["values"] == pytest.approx([0.5] * len(chart["along"]), rel=0.1)
@@ -80,7 +81,7 @@ def test_at_a_constant_speed_a_law_that_learns_lowers_its_orders_over_time(made)
     runs = runs_in(made, "low-speed")
     found = order_charts.tracked(made, runs)
     assert not found.sweeps and order_charts.waterfall(made, found) == []
-    charts = order_charts.tracking(made, runs, found)
+    charts = to_page(order_charts.tracking(made, runs, found))
     chart = next(c for c in charts if c["title"] == "Order 24 of the mechanical revolution")
     pi, _, ilc = (np.array(s["values"]) for s in chart["series"])
     times = np.array(chart["along"])
@@ -109,7 +110,7 @@ def test_48_pieces_at_most_of_as_many_revolutions_each(run_up):
     assert list(order_charts.tracked(run_up, runs[:1]).amplitudes) == [0]  # of one controller too
     assert len(found.times) == len(found.speeds) == 27  # 55 revolutions, two a piece
     assert {amplitudes.shape for amplitudes in found.amplitudes.values()} == {(27, 120)}
-    (chart, *_) = order_charts.waterfall(run_up, found)
+    (chart, *_) = to_page(order_charts.waterfall(run_up, found))
     assert (chart["title"], chart["quantity"], chart["unit"]) == ("Orders over speed", "speed", "rpm")
     assert chart["top"] == max(np.nanmax(amplitudes) for amplitudes in found.amplitudes.values())
 
@@ -143,7 +144,7 @@ def test_the_polar_map_has_the_mean_and_the_spread_of_the_last_revolutions(made,
     theta = direction * 2 * np.pi * time  # the law's frame is electrical, of four pole pairs
     learned = (0.1 + 0.01 * np.floor(time)) * np.sin(4 * theta) + 0.02 * np.cos(4 * theta)
     results = with_signals(made, "low-speed", theta_m=theta, term_ilc=learned)
-    (chart,) = map_charts.polar(results, runs_in(results, "low-speed"))
+    (chart,) = to_page(map_charts.polar(results, runs_in(results, "low-speed")))
     (series,) = chart["series"]
     angle = np.deg2rad(np.arange(360))
     # the last eight electrical revolutions: one with 0.17 A, four with 0.18 A, three with 0.19 A
@@ -164,7 +165,7 @@ def test_a_controller_that_learns_nothing_is_not_in_the_polar_map(made):
 
 def test_sensitivity_is_that_of_the_design_and_learning_lowers_what_repeats(made):
     runs = runs_in(made, "low-speed")
-    magnitude, phase = angle_charts.bode(made, runs)
+    magnitude, phase = to_page(angle_charts.bode(made, runs))
     assert (magnitude["unit"], phase["unit"]) == ("dB", "°")
     named = {(s["controller"], s["label"]): np.array(s["values"], float) for s in magnitude["series"]}
     assert set(named) == {(0, ""), (1, ""), (2, "off"), (2, "on"), (2, "between")}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cogless.report import waveforms
+from cogless.report.charts import Grid, Waveforms, to_page
 from cogless.report.waveforms import View
 from cogless.results.fault_response import Fault
 from cogless.results.trace import Trace
@@ -48,16 +49,16 @@ def broken(monkeypatch):
 def buttons(results, *runs):
     return [
         (z["name"], z["from"], z["to"], *(["first"] if "first" in z else []))
-        for z in waveforms.zooms(results, runs)
+        for z in to_page(waveforms.zooms(results, runs))
     ]
 
 
 def test_the_points_of_a_view_are_in_the_middle_of_the_rows_that_they_stand_for(monkeypatch):
     """100 rows in 20 points: of each ten rows the least and largest value, at 1/4 and 3/4 of their time."""
     trace = run_of(1.0).trace
-    assert View(None, 100).grid(trace) == {"start": 0.0, "step": pytest.approx(0.01)}
-    assert View(None, 20).grid(trace) == {"start": pytest.approx(0.02), "step": pytest.approx(0.05)}
-    assert View((0.2, 0.599), 20).grid(trace) == {"start": pytest.approx(0.205), "step": pytest.approx(0.02)}
+    assert View(None, 100).grid(trace) == Grid(0.0, pytest.approx(0.01))
+    assert View(None, 20).grid(trace) == Grid(pytest.approx(0.02), pytest.approx(0.05))
+    assert View((0.2, 0.599), 20).grid(trace) == Grid(pytest.approx(0.205), pytest.approx(0.02))
     values = np.sin(np.arange(100.0))
 
     def of(rows):
@@ -158,7 +159,7 @@ def test_two_faults_and_the_last_revolutions_have_finer_points(broken):
 def test_a_fault_has_a_mark_from_its_beginning_to_its_end(monkeypatch):
     found = [Fault(2.0, 3.0, ("stuck", "late")), Fault(4.0, 4.5, ("lost",))]
     monkeypatch.setattr(waveforms, "faults_in", lambda study, scenario: found if scenario == "low" else [])
-    assert waveforms.marks(results_of(), [run_of(1)]) == [
+    assert to_page(waveforms.marks(results_of(), [run_of(1)])) == [
         {"from": 2.0, "to": 3.0, "label": "stuck and late"}, {"from": 4.0, "to": 4.5, "label": "lost"}
     ]  # fmt: skip
 
@@ -183,14 +184,14 @@ def drawn(broken, monkeypatch):
 
     def keep(results, runs, panels, views):
         made.append(([(p.title, p.signal, p.quantity, p.unit) for p in panels], views))
-        return {"start": views[0].span[0] if views[0].span else 0.0}
+        return Waveforms([], "time (s)", views[0].span[0] if views[0].span else 0.0)
 
     monkeypatch.setattr(waveforms, "_times", keep)
     return made
 
 
 def test_an_event_is_drawn_from_a_tenth_before_to_one_and_a_half_seconds_after_it_or_the_next(drawn):
-    charts = waveforms.events(results_of(0.05, 2.0, 3.0, 9.95), [run_of(10)])
+    charts = to_page(waveforms.events(results_of(0.05, 2.0, 3.0, 9.95), [run_of(10)]))
     spans = [view.span for _, (view,) in drawn]
     assert spans == [(0.0, 1.55), (1.9, 3.0), (2.9, 4.5)]  # four rows after the last are too few
     assert [chart["start"] for chart in charts] == pytest.approx([-0.05, -0.1, -0.1])
@@ -237,7 +238,7 @@ def test_laws_that_learn_in_angle_have_their_currents_and_the_time_of_a_period(d
     assert [panel[1:] for panel in drawn[-1][0]][4:] == [
         ("i_q", "i_q", "A"), ("i_d", "i_d", "A"), ("P_t", "P_t", "s")
     ]  # fmt: skip
-    assert waveforms.waveforms(results_of(), []) == {"panels": []}
+    assert to_page(waveforms.waveforms(results_of(), [])) == {"panels": []}
 
 
 def test_the_spread_of_a_signal_is_that_of_its_second_half():

@@ -12,6 +12,7 @@ from cogless.design.verdict import judged, verdict, warnings
 from cogless.errors import StudyError
 from cogless.report import render, verdicts
 from cogless.report.angle_charts import growth, over_angle, sentences, worse_since
+from cogless.report.charts import to_page
 from cogless.report.comparison import compare
 from cogless.report.markup import asset
 from cogless.report.panels import errors, periods
@@ -290,7 +291,7 @@ def learned(**rest):
 def test_periods_over_the_angle(until):
     """The last period without learning, then ever sparser later ones, and the last whole one."""
     results, run = steady(until, **learned())
-    chart = over_angle(results, [run])[-1]
+    chart = to_page(over_angle(results, [run]))[-1]
     assert chart["title"] == "Learned current over one electrical revolution: printed scheme"
     assert chart["angle"] == list(range(361)) and (chart["quantity"], chart["unit"]) == ("current", "A")
     assert [s["label"] for s in chart["series"]] == [f"period {k}" for k in (5, 6, 8, 12, 21)]
@@ -315,7 +316,7 @@ def test_a_period_in_words(period, words):
 def test_one_period_over_the_angle_is_drawn_once():
     """A run that ends as learning begins has one whole period to show: the fifth."""
     results, run = steady(5.5, **learned())
-    assert [s["label"] for s in over_angle(results, [run])[-1]["series"]] == ["period 5"]
+    assert [s["label"] for s in to_page(over_angle(results, [run]))[-1]["series"]] == ["period 5"]
     results, run = steady(0.9, **learned())  # no whole period at all
     assert over_angle(results, [run]) == []
 
@@ -328,7 +329,7 @@ def test_a_reference_that_turns_back_has_no_plot_over_the_angle():
 def test_a_reference_that_pauses_has_its_plot_over_the_angle():
     """For two seconds, after eight turns."""
     results, run = steady(12.01, **learned(theta_ref=lambda t: TURNED * np.maximum(np.minimum(t, 8), t - 2)))
-    labels = [s["label"] for s in over_angle(results, [run])[-1]["series"]]
+    labels = [s["label"] for s in to_page(over_angle(results, [run]))[-1]["series"]]
     assert labels == [f"period {k}" for k in (5, 6, 8, 10)]
 
 

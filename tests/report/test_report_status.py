@@ -11,6 +11,7 @@ from test_report_orders import RATE, with_signals
 from cogless.control_library import Status
 from cogless.design.kinds import DESIGNS
 from cogless.report import comparison
+from cogless.report.charts import to_page
 from cogless.report.comparison import compare, held_back, remarks, runs_in
 from cogless.report.speed_tracking import active, spans, strip
 from cogless.report.speed_verdict import verdict
@@ -35,7 +36,7 @@ def with_status(made, bits, since=SINCE, until=UNTIL):
 
 
 def lanes(results):
-    return {lane["name"]: lane["runs"] for lane in strip(results, runs_in(results, WHERE))}
+    return {lane["name"]: lane["runs"] for lane in to_page(strip(results, runs_in(results, WHERE)))}
 
 
 def test_a_state_that_lasts_has_a_lane_without_faults(made):

@@ -14,6 +14,7 @@ from cogless.cli.printed import print_results
 from cogless.design.trials.from_study import design_study
 from cogless.design.trials.trial_summary import labelled_notes, megabytes
 from cogless.report import lines, outcome, render, verdict, verdicts
+from cogless.report.charts import to_page
 from cogless.report.phases import NAMED_MOST, Phase, after, groups, phases
 from cogless.report.trial_case import case, own_lines, same_size, than
 from cogless.report.trials import over_trials, waveforms
@@ -272,10 +273,10 @@ def test_thirty_changes_make_one_row_one_mark_and_one_button(thirty):
     values = {run.controller: run.metrics["final_rad"] for run in thirty.runs}
     worst = lines(thirty, "move")[-1]
     assert worst.values == {name: pytest.approx(1e3 * max(of[1:])) for name, of in values.items()}
-    over = over_trials(thirty, thirty.runs)
+    over = to_page(over_trials(thirty, thirty.runs))
     assert over["marks"] == [{"trial": 2, "name": "trial 2: 30 start changes"}]
     assert len(over["zooms"]) <= 3
-    drawn = waveforms(thirty, thirty.runs)
+    drawn = to_page(waveforms(thirty, thirty.runs))
     assert [phase["name"] for phase in drawn["phases"]] == ["start", "trial 2: start", "trial 60: start"]
     assert drawn["note"] == "Of the 30 start changes: the first and the last."
 

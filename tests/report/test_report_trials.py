@@ -17,6 +17,7 @@ from cogless.design.trials.response import FiniteTrial
 from cogless.design.trials.state_feedback import Check
 from cogless.design.trials.trial_summary import _proof, verdict_line, warnings
 from cogless.report import lines, page, render, trials, verdicts, write, write_plots
+from cogless.report.charts import to_page
 from cogless.report.markup import unpack
 from cogless.report.phases import Phase, phases, zooms
 from cogless.report.trial_case import case
@@ -428,17 +429,17 @@ def test_phases_say_what_changed(study):
     found = phases(study.scenario["move"])
     assert [p.name for p in found] == ["start", "trial 21: load", "trial 41: reference, mechanics.inertia"]
     assert [p.chosen for p in found] == [[1, 2, 5, 20], [21, 22, 25, 40], [41, 42, 45, 60]]
-    assert [(z["from"], z["to"]) for z in zooms(found)] == [(1, 60), (1, 30), (19, 50), (39, 60)]
+    assert [(z["from"], z["to"]) for z in to_page(zooms(found))] == [(1, 60), (1, 30), (19, 50), (39, 60)]
 
 
 def test_a_zoom_is_on_less_than_four_fifths_of_the_trials():
     for start, all_changes in ((50, True), (51, False)):  # up to trial 79 and 80 of 100
-        names = [zoom["name"] for zoom in zooms([Phase(1, start, ()), Phase(start, 101, ("load",))])]
+        names = [zoom["name"] for zoom in to_page(zooms([Phase(1, start, ()), Phase(start, 101, ("load",))]))]
         assert ("all changes" in names) == all_changes
     assert (
         len(zooms([Phase(1, 36, ())])) == 1 and len(zooms([Phase(1, 41, ())])) == 2
     )  # 29 of 34, of 39 steps
-    assert zooms([Phase(1, 2, ())]) == [{"name": "all trials", "from": 1, "to": 1}]
+    assert to_page(zooms([Phase(1, 2, ())])) == [{"name": "all trials", "from": 1, "to": 1}]
 
 
 # --- page
@@ -484,7 +485,7 @@ def test_a_logarithmic_axis_has_no_place_for_zero(study):
     rms = synthetic.rms_of_trials(study, "ilc")
     rms[[3, 4]], rms[7] = 0.0, np.nan
     made = synthetic.trial_results(study, {"ilc": rms}, designed=False)
-    chart = trials.over_trials(made, made.runs)["charts"][0]
+    chart = to_page(trials.over_trials(made, made.runs))["charts"][0]
     values = unpack(chart["series"][1]["values"])
     assert np.flatnonzero(np.isnan(values)).tolist() == [3, 4, 7]
     assert chart["note"] == (
@@ -516,7 +517,7 @@ def test_chosen_trials_hold_what_the_trace_has(made, study):
 
 def test_so_many_phases_are_drawn_and_the_rest_is_told(made, monkeypatch):
     monkeypatch.setattr(trials, "MOST_PHASES", 2)
-    waves = trials.waveforms(made, made.runs)
+    waves = to_page(trials.waveforms(made, made.runs))
     assert waves["note"] == "Of the first 2 of 3 phases."
     assert [phase["name"] for phase in waves["phases"]] == ["start", "trial 21: load"]
 
@@ -524,7 +525,7 @@ def test_so_many_phases_are_drawn_and_the_rest_is_told(made, monkeypatch):
 def test_long_trials_are_thinned(made, monkeypatch):
     monkeypatch.setattr(trials, "TRIAL_PAGE_POINTS", 1)
     monkeypatch.setattr(trials, "TRIAL_POINTS_LEAST", 20)
-    waves = trials.waveforms(made, made.runs)
+    waves = to_page(trials.waveforms(made, made.runs))
     values = unpack(waves["panels"][1]["series"][0]["trials"]["1"])
     assert len(values) <= 20
     assert waves["start"] + waves["step"] * (len(values) - 1) == pytest.approx(0.25, abs=0.02)
@@ -534,12 +535,12 @@ def test_points_are_shared_by_panels_runs_and_chosen_trials(made, monkeypatch):
     """Four panels, three runs, twelve trials: 144 waveforms."""
     monkeypatch.setattr(trials, "TRIAL_POINTS_LEAST", 1)
     monkeypatch.setattr(trials, "TRIAL_PAGE_POINTS", 144 * 20 + 143)
-    waves = trials.waveforms(made, made.runs)
+    waves = to_page(trials.waveforms(made, made.runs))
     assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == 20
 
 
 def test_trials_stay_readable_however_many_runs_share_the_page(made):
-    waves = trials.waveforms(replace(made, runs=made.runs * 500), made.runs)
+    waves = to_page(trials.waveforms(replace(made, runs=made.runs * 500), made.runs))
     assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == len(made.runs[0].trace) / 60
 
 

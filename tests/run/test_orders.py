@@ -10,6 +10,7 @@ import pytest
 import studies
 from cogless import load, run_study
 from cogless.control_library import Status
+from cogless.report.charts import to_page
 from cogless.report.map_charts import maps
 from cogless.results import Results, Run
 
@@ -58,7 +59,7 @@ def test_what_is_learned_is_the_cogging() -> None:
     order = 2 * abs(np.mean(current * np.exp(-72j * angle)))
     assert order == pytest.approx(np.hypot(*run.map.values[:2, 5]), rel=1e-6)
     assert 0.17 < order < 0.25
-    (chart,) = maps(made(), made().runs)
+    (chart,) = to_page(maps(made(), made().runs))
     (series,) = chart["series"]
     assert max(series["values"]) == pytest.approx(np.max(current), rel=0.01)
 

@@ -13,6 +13,7 @@ import cogless
 from cogless.errors import StudyError
 from cogless.maps import stored_map
 from cogless.maps.stored_map import StoredMap
+from cogless.report.charts import to_page
 from cogless.report.map_charts import maps
 from cogless.results import Run
 from cogless.run.simulate import simulate
@@ -318,7 +319,7 @@ def test_a_law_that_learned_before_shows_its_learned_part(learned: dict[str, Run
     made = study(folder, LAWS["orders"], start={"map": "orders.bin"}, learning=False)
     assert made.controller["law"].learned and not made.controller["law"].learns
     results = cogless.run_study(made)
-    (chart,) = maps(results, results.runs)
+    (chart,) = to_page(maps(results, results.runs))
     assert np.ptp(chart["series"][0]["values"]) == pytest.approx(2 * 4 / 120, rel=0.1)
 
 

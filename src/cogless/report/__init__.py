@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from cogless.files import replacing
-from cogless.report import charts, page
+from cogless.report import page, pictures
 from cogless.report.best_runs import is_quick
 from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limit_sentences import remark
@@ -134,11 +134,11 @@ def write(results: AnyResults, path: Path) -> None:
 def plot_names(study: AnyStudy) -> list[str]:
     """The names of all still pictures that a study may have."""
     kinds = SECTIONS[study.kind].pictures
-    return [charts.name(scenario, kind) for scenario in study.scenario for kind in kinds]
+    return [pictures.name(scenario, kind) for scenario in study.scenario for kind in kinds]
 
 
 def write_plots(results: AnyResults, directory: Path) -> list[Path]:
     """Write the still pictures as PNG files and return their paths."""
     sections = _sections(results)
-    drawn = page.data(page.drawable(results), sections)
-    return charts.write_plots(results, drawn, sections.pictures, directory)
+    drawn = page.charts(page.drawable(results), sections)
+    return pictures.write_plots(results, drawn, sections.pictures, directory)

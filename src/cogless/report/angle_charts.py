@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 
@@ -25,8 +24,9 @@ from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import judged, loop_type, verdict
 from cogless.errors import StudyError
+from cogless.report.charts import Grown, OverAngle, OverFrequency, Series
 from cogless.report.comparison import pretty, speed_unit
-from cogless.report.markup import place, plain
+from cogless.report.markup import place
 from cogless.report.panels import errors, in_angle, learned_terms, periods
 from cogless.report.verdicts import EQUAL_DIFFERENCE, called
 from cogless.results import Results, Run
@@ -43,12 +43,12 @@ PERIODS_NOTE = (
 )
 
 
-def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def over_angle(results: Results, runs: Sequence[Run]) -> list[OverAngle]:
     """Charts over the angle, for each controller that learns in angle: its errors and its learned current."""
     return [chart for run in runs for chart in _charts(results, run)]
 
 
-def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
+def _charts(results: Results, run: Run) -> list[OverAngle]:
     turns, law = periods(results, run), in_angle(results, run)
     if turns is None or law is None:
         return []
@@ -59,22 +59,22 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
     learned = np.sum([run.trace[name] for name in learned_terms(results, run)], axis=0)
     drawn = [(e.title, e.displayed(run.trace), e.quantity, e.unit) for e in errors(results, [run])]
     return [
-        {
-            "title": f"{title} over {law.period_words}: {results.study.label(run.controller)}",
-            "x": "angle within the period (°)",
-            "angle": np.linspace(0, 360, PERIOD_CELLS + 1).tolist(),
-            "quantity": quantity,
-            "unit": pretty(unit),
-            "series": [
-                {
-                    "controller": place(results, run),
-                    "label": f"period {k + 1}",
-                    "fade": 0.25 + 0.75 * i / max(1, len(chosen) - 1),
-                    "values": plain(_on_angle_grid(turns, x, k)),
-                }
+        OverAngle(
+            title=f"{title} over {law.period_words}: {results.study.label(run.controller)}",
+            x="angle within the period (°)",
+            angle=np.linspace(0, 360, PERIOD_CELLS + 1).tolist(),
+            quantity=quantity,
+            unit=pretty(unit),
+            series=[
+                Series(
+                    controller=place(results, run),
+                    label=f"period {k + 1}",
+                    fade=0.25 + 0.75 * i / max(1, len(chosen) - 1),
+                    values=_on_angle_grid(turns, x, k),
+                )
                 for i, k in enumerate(chosen)
             ],
-        }
+        )
         for title, x, quantity, unit in [*drawn, ("Learned current", learned, "current", "A")]
     ]
 
@@ -106,7 +106,7 @@ SENSITIVITY_NOTE = (
 )
 
 
-def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def bode(results: Results, runs: Sequence[Run]) -> list[OverFrequency]:
     """Charts of magnitude and phase over frequency; empty if no controller has a linear model."""
     turn = results.study.scenario[runs[0].scenario].top_reference / TURN
     plant = speed_loop(results.study, runs[0].scenario)
@@ -129,17 +129,17 @@ def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         ("Sensitivity, phase", "phase", "°", _degrees),
     ]
     return [
-        {
-            "title": title,
-            "x": "frequency (Hz)",
-            "quantity": quantity,
-            "unit": unit,
-            "frequency": plain(f),
-            "series": [
-                {"controller": where, "label": label, "fade": fade, "values": plain(in_unit(S))}
+        OverFrequency(
+            title=title,
+            x="frequency (Hz)",
+            quantity=quantity,
+            unit=unit,
+            frequency=f,
+            series=[
+                Series(controller=where, label=label, fade=fade, values=in_unit(S))
                 for where, label, fade, S in curves
             ],
-        }
+        )
         for title, quantity, unit, in_unit in charts
         if curves
     ]
@@ -323,7 +323,7 @@ CRITERION_NOTE = (
 )
 
 
-def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def criterion(results: Results, runs: Sequence[Run]) -> list[OverFrequency]:
     """The chart of learning factors over frequency, on a common grid; empty if no law learns in angle."""
     loops: list[tuple[Run, LearningLoop, float]] = []
     for run in runs:
@@ -336,18 +336,18 @@ def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     lowest = min(loop.frequencies[0] for _, loop, _ in loops)
     f = np.geomspace(lowest, max(loop.frequencies[-1] for _, loop, _ in loops), CRITERION_POINTS)
     series = [
-        {
-            "controller": place(results, run),
-            "label": units.format(loop.omega_m, speed_unit(results), units.ANGULAR_SPEED, digits=3),
-            "fade": fade,
-            "values": plain(np.where(f <= loop.highest, loop.factor(f), np.nan)),
-        }
+        Series(
+            controller=place(results, run),
+            label=units.format(loop.omega_m, speed_unit(results), units.ANGULAR_SPEED, digits=3),
+            fade=fade,
+            values=np.where(f <= loop.highest, loop.factor(f), np.nan),
+        )
         for run, loop, fade in loops
     ]
     marks = [
-        {"controller": place(results, run), "at": grown}
+        Grown(place(results, run), grown)
         for run in runs
         if (grown := growth(results, run))  # on a log axis
     ]
     labels = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
-    return [{**labels, "frequency": plain(f), "series": series, "marks": marks}]
+    return [OverFrequency(**labels, frequency=f, series=series, marks=marks)]

@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cogless.control_library import Status
+from cogless.report.charts import Curve, OverGrid, Series, Span
 from cogless.report.comparison import QUANTITIES, Line, pretty, shown_in
-from cogless.report.markup import pack, place, plain, thin
+from cogless.report.markup import place, thin
 from cogless.report.speed_tracking import STATE_TIME_LEAST, spans
 from cogless.report.speed_verdict import Contrast, changed_by, contrast
 from cogless.report.verdicts import Answer, called
@@ -50,7 +50,7 @@ def answer(results: Results, runs: Sequence[Run]) -> Answer | None:
     return Answer(figures, changed_by(pair), ", ".join(word for word in (line.quantity, line.window) if word))
 
 
-def pictures(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def pictures(results: Results, runs: Sequence[Run]) -> list[OverGrid]:
     """The answer's charts: a revolution of the runs before and after, and the ripple of all runs over time.
 
     The first is over the time instead where the rotor turns less, and for a metric of an event.
@@ -92,7 +92,7 @@ def drawn_signal(results: Results, pair: Contrast) -> DrawnSignal:
     return DrawnSignal(name, unit, scale / (study.motor.pole_pairs if electrical else 1))
 
 
-def _revolution(results: Results, pair: Contrast, drawn: DrawnSignal) -> list[dict[str, Any]]:
+def _revolution(results: Results, pair: Contrast, drawn: DrawnSignal) -> list[OverGrid]:
     runs = [run for run in pair.runs if len(run.trace) > 1 and drawn.signal in run.trace]
     if not runs:
         return []
@@ -100,12 +100,7 @@ def _revolution(results: Results, pair: Contrast, drawn: DrawnSignal) -> list[di
     by_angle = pair.metric.event is None and all(turn is not None for turn in turns)
     if by_angle:
         curves = [_over_angle(run.trace, drawn, turn) for run, turn in zip(runs, turns, strict=True) if turn]
-        grid = {
-            "start": 0.0,
-            "step": TURN_DEGREES / PULSE_TURN_CELLS,
-            "x": "angle of the rotor (°)",
-            "about": "°",
-        }
+        start, step, x, x_unit = 0.0, TURN_DEGREES / PULSE_TURN_CELLS, "angle of the rotor (°)", "°"
         title = f"{drawn.quantity.capitalize()} over the rotor's angle, in the last revolution"
         cycles = _strong_order(curves[0])
     else:
@@ -114,19 +109,25 @@ def _revolution(results: Results, pair: Contrast, drawn: DrawnSignal) -> list[di
         thinned = [thin(drawn.part(run.trace, r), TIME_POINTS) for run, r in zip(runs, rows, strict=True)]
         step = thinned[0][1] * runs[0].trace.period
         curves = [curve for curve, _ in thinned]
-        grid = {"start": float(begin), "step": step, "x": "time (s)", "about": "s"}
+        start, x, x_unit = float(begin), "time (s)", "s"
         title, cycles = f"{drawn.quantity.capitalize()} over the time", 0
     series = [
-        {
-            "controller": place(results, run),
-            "label": "",
-            "text": pair.line.text(run.controller),
-            "values": pack(curve),
-        }
+        Curve(controller=place(results, run), label="", text=pair.line.text(run.controller), values=curve)
         for run, curve in zip(runs, curves, strict=True)
     ]
-    names = {"title": title, "quantity": drawn.quantity, "unit": drawn.unit, "cycles": cycles}
-    return [{**names, **grid, "series": series}]
+    return [
+        OverGrid(
+            title=title,
+            x=x,
+            x_unit=x_unit,
+            quantity=drawn.quantity,
+            unit=drawn.unit,
+            cycles=cycles,
+            start=start,
+            step=step,
+            series=series,
+        )
+    ]
 
 
 def _last_turn(trace: Trace, line: Line) -> slice | None:
@@ -179,9 +180,7 @@ def _span(metric: Metric, line: Line, runs: Sequence[Run]) -> tuple[float, float
     return max(start, first, last - LAST_SPAN), min(end, last)
 
 
-def _ripple(
-    results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnSignal
-) -> list[dict[str, Any]]:
+def _ripple(results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnSignal) -> list[OverGrid]:
     """The signal's RMS over the last revolution, or a moment of the run, for each time and run."""
     runs = [run for run in runs if len(run.trace) > RIPPLE_POINTS and drawn.signal in run.trace]
     if not runs:
@@ -196,7 +195,7 @@ def _ripple(
     if max(map(len, curves)) < 2:
         return []
     series = [
-        {"controller": place(results, run), "values": plain(values)}
+        Series(controller=place(results, run), values=values)
         for run, values in zip(runs, curves, strict=True)
     ]
     step = size * trace.period
@@ -209,23 +208,24 @@ def _ripple(
 
     quantity = f"{drawn.quantity}{' ripple' if about_mean else ''}, rms"
     while_ = "revolution" if of_turn and count * size < 1.5 * of_turn else f"{count * step:.2g} s"
+    holds = [
+        Span(since, until, _hold_label(results, run, curve[rows_of(since, until)]))
+        for run, curve in zip(runs, curves, strict=True)
+        if run.controller in compared and results.study.controller[run.controller].learns
+        for since, until in spans(run, Status.GUARDED)
+        if until - since > STATE_TIME_LEAST
+    ]
     return [
-        {
-            "title": f"{quantity[0].upper()}{quantity[1:]} of the last {while_}, over the time",
-            "x": "time (s)",
-            "quantity": quantity,
-            "unit": drawn.unit,
-            "start": start,
-            "step": step,
-            "held": [
-                {"from": since, "to": until, "label": _hold_label(results, run, curve[rows_of(since, until)])}
-                for run, curve in zip(runs, curves, strict=True)
-                if run.controller in compared and results.study.controller[run.controller].learns
-                for since, until in spans(run, Status.GUARDED)
-                if until - since > STATE_TIME_LEAST
-            ],
-            "series": series,
-        }
+        OverGrid(
+            title=f"{quantity[0].upper()}{quantity[1:]} of the last {while_}, over the time",
+            x="time (s)",
+            quantity=quantity,
+            unit=drawn.unit,
+            start=start,
+            step=step,
+            holds=holds,
+            series=series,
+        )
     ]
 
 

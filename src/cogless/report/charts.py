@@ -1,302 +1,311 @@
-"""Still pictures as PNG files, of scenarios of speed and of trials.
+"""Charts as data: makers return them, `to_page` turns them into the page's JSON, pictures.py draws them.
 
-Still pictures as PNG files: plots in rows and columns, from the page's data.
-
-Still pictures of a speed scenario: waveforms, order spectra, learned maps.
-
-Still pictures of a trial scenario: RMS over trials, chosen trials, certificates.
+A field at its default is left out of the JSON; the others have their own name there, or that of their `key`.
+Arrays become numbers, or packed 16-bit integers where they may be long.
 """
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
-from textwrap import fill
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from cogless.files import replacing
-from cogless.report.markup import asset, unpack
-from cogless.results import AnyResults
-from cogless.results.results_json import run_id
+from cogless.report.markup import pack, plain
 from cogless.results.trace import Array
 
-Data = dict[str, Any]  # the page's data of a scenario, or of a chart in it
-Looks = Sequence[dict[str, Any]]  # colour and label of each controller, for matplotlib
-
-REFERENCE: dict[str, Any] = {"color": "#1b1f24", "linestyle": "--", "linewidth": 0.9, "zorder": 5}  # on top
-STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.xmargin": 0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e9ecf0",
-    "lines.linewidth": 0.9,
-    "legend.frameon": False,
-    "figure.dpi": 130,
-    "path.simplify": True,
-}
+PACKED = {"of_array": pack}
 
 
-@dataclass(frozen=True)
-class Plot:
-    """One plot; `draw` draws into its matplotlib axes."""
-
-    draw: Callable[[Any], None]
-    x: str = ""
-    y: str = ""
-    title: str = ""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A kind of picture: its rows of plots, a row's height in inches, and the columns' relative widths."""
-
-    rows: Callable[[Data, Looks], list[list[Plot]]]
-    height: float
-    widths: tuple[int, ...] = ()  # default: the same
-
-
-def name(scenario: str, kind: str) -> str:
-    """The file of a kind of picture."""
-    return f"{scenario}-{kind}.png"
+def to_page(value: Any, of_array: Any = plain) -> Any:
+    """A chart, or whatever holds charts, as plain values for JSON."""
+    if is_dataclass(value):
+        taken = ((f, getattr(value, f.name)) for f in fields(value))
+        return {
+            f.metadata.get("key", f.name): to_page(x, f.metadata.get("of_array", plain))
+            for f, x in taken
+            if x is not f.default
+        }
+    if isinstance(value, np.ndarray):
+        return of_array(value)
+    if isinstance(value, Mapping):
+        return {name: to_page(x, of_array) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_page(x, of_array) for x in value]
+    return value
 
 
-def write_plots(
-    results: AnyResults, drawn: Data, pictures: Mapping[str, Picture], directory: Path
-) -> list[Path]:
-    """Write SCENARIO-KIND.png of each kind of picture that has a plot; return the paths.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Series:
+    """The values of a controller, by its place on the page; of a reference without one.
 
-    `drawn`: the page's data. matplotlib is imported only here, because the import takes longer than drawing.
+    `fade`: the share of the controller's colour.
     """
-    import matplotlib
 
-    palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))  # the light theme's colours come first
-    looks = [{"color": palette[c["colour"]], "label": c["label"]} for c in drawn["controllers"]]
-    written, run = [], run_id(results)
-    with matplotlib.rc_context(STYLE):
-        for scenario, data in zip(results.scenarios, drawn["scenarios"], strict=True):
-            for kind, picture in pictures.items():
-                rows = picture.rows(data, looks)
-                if rows and rows[0]:
-                    written.append(directory / name(scenario, kind))
-                    save(
-                        written[-1],
-                        f"{results.study.title}: {scenario}",
-                        rows,
-                        picture.height,
-                        run,
-                        picture.widths,
-                    )
-    return written
+    controller: int | None = None
+    label: str | None = None
+    fade: float | None = None
+    dash: bool = False
+    values: Array
 
 
-def save(
-    path: Path,
-    title: str,
-    rows: Sequence[Sequence[Plot]],
-    height: float,
-    run: str,
-    widths: Sequence[int] = (),
-) -> None:
-    """Write plots in rows of this height, inches, and columns of these relative widths (default: equal)."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bars(Series):
+    """Bars; `early`: where the controller began."""
 
-    columns = len(rows[0])
-    width = 9 if columns == 1 else 12
-    figure = Figure(figsize=(width, 0.9 + height * len(rows)), layout="constrained")
-    axes = figure.subplots(len(rows), columns, squeeze=False, width_ratios=widths[:columns] or None)
-    handles: dict[str, Any] = {}
-    for (row, column), ax in np.ndenumerate(axes):
-        plot = rows[row][column]
-        plot.draw(ax)
-        # no label twice: an x label only if the plot below has another, title and y label only at the left
-        if row + 1 == len(rows) or rows[row + 1][column].x != plot.x:
-            ax.set_xlabel(plot.x)
-        if not column:
-            ax.set(ylabel=plot.y, title=plot.title)
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    figure.suptitle(fill(title, 8 * width), x=0.01, ha="left", fontweight="bold")
-    abreast = min(len(handles), 12 * width // (6 + max(map(len, handles), default=0)))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
-    with replacing(path) as temporary:
-        # savefig would draw it twice: once for the layout
-        metadata = {"Run": run, "Series": json.dumps(_series(axes))}
-        FigureCanvasAgg(figure).print_png(temporary, metadata=metadata)  # type: ignore[no-untyped-call]
+    early: Array | None = None
 
 
-def _series(axes: Any) -> list[list[float]]:
-    """Least and largest value of each curve or bar: two pictures that differ here show different numbers."""
-    drawn = [np.asarray(line.get_ydata(), float) for ax in axes.flat for line in ax.lines]
-    drawn += [np.array([bar.get_height() for bar in group]) for ax in axes.flat for group in ax.containers]
-    finite = (y[np.isfinite(y)] for y in drawn)
-    return [[float(f"{end:.4g}") for end in (np.min(y), np.max(y))] for y in finite if y.size]
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Band(Series):
+    low: Array
+    high: Array
 
 
-def times(grid: Mapping[str, Any], values: Array) -> Array:
-    """Times, s, of values on a grid of constant step."""
-    return np.asarray(grid["start"] + grid["step"] * np.arange(len(values)))
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Curve(Series):
+    """A series of many values. `text`: its figure; `details`: its values on the finer grids of its group."""
+
+    values: Array = field(metadata=PACKED)
+    text: str | None = None
+    details: Sequence[Array] | None = field(default=None, metadata=PACKED)
 
 
-def plot(chart: Data, x: str, draw: Callable[..., None], *arguments: Any) -> Plot:
-    """The plot of one of the page's charts or panels, drawn by draw(chart, *arguments, axes)."""
-    y = f"{chart['quantity']} ({chart['unit']})" if chart["unit"] else chart["quantity"]
-    return Plot(partial(draw, chart, *arguments), x, y, chart["title"])
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrialCurves:
+    """A controller's values in chosen trials, by their numbers."""
+
+    controller: int
+    trials: Mapping[str, Array] = field(metadata=PACKED)
 
 
-def stack(charts: Sequence[Data], draw: Callable[..., None], *arguments: Any) -> list[list[Plot]]:
-    """Rows with one plot each, for charts of the page."""
-    return [[plot(chart, chart["x"], draw, *arguments)] for chart in charts]
+@dataclass(frozen=True)
+class Span:
+    """A time span, s, that is marked."""
+
+    begin: float = field(metadata={"key": "from"})
+    end: float = field(metadata={"key": "to"})
+    label: str
 
 
-def _waveforms(data: Data, looks: Looks) -> list[list[Plot]]:
-    """Each panel twice: over the run after its start-up, and over its first fault or else last revolution."""
-    waves = data["waveforms"]
-    zooms = {zoom["name"]: zoom for zoom in data["zooms"]}
-    names = [name for name in ("after start-up", "whole run") if name in zooms][:1]
-    fault = next((name for name in zooms if name.startswith("fault at ")), "last revolution")
-    names += [name for name in (fault,) if name in zooms]
-    return [
-        [
-            plot(panel, f"{waves['x']}, {name}", _panel, waves, zooms[name], data["marks"], looks)
-            for name in names
-        ]
-        for panel in waves["panels"]
-    ]
+@dataclass(frozen=True)
+class Zoom:
+    """A button that shows a part of the plots; the first to be shown is marked."""
+
+    name: str
+    begin: float = field(metadata={"key": "from"})
+    end: float = field(metadata={"key": "to"})
+    first: bool = False
 
 
-def _panel(panel: Data, waves: Data, zoom: Data, marks: Sequence[Data], looks: Looks, ax: Any) -> None:
-    begin, end = zoom["from"], zoom["to"]
-    for series in panel["series"]:
-        grid, y = _finest(waves, series, zoom)
-        x = times(grid, y)
-        inside = (x >= begin) & (x <= end)
-        look = REFERENCE if series.get("dash") else looks[series["controller"]]
-        ax.plot(x[inside], y[inside], **look)
-    for mark in marks:
-        if mark["from"] < end and mark["to"] > begin:
-            ax.axvspan(max(mark["from"], begin), min(mark["to"], end), color="#b3401f", alpha=0.13)
+@dataclass(frozen=True)
+class Grid:
+    start: float
+    step: float
 
 
-def _finest(waves: Data, series: Data, zoom: Data) -> tuple[Data, Array]:
-    """Time grid and values of the finer points that cover a zoom, or else those of the whole run."""
-    slack = waves["step"]
-    for grid, packed in zip(waves["details"], series["details"], strict=True):
-        y = unpack(packed)
-        end = grid["start"] + grid["step"] * len(y)
-        if grid["start"] - slack <= zoom["from"] and zoom["to"] <= end + slack:
-            return grid, y
-    return waves, unpack(series["values"])
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chart:
+    """Lines, or bars, of a quantity in its unit over x; without an x it is in a group that has one."""
+
+    title: str
+    x: str | None = None
+    quantity: str
+    unit: str
+    series: Sequence[Any]
+
+    @property
+    def y(self) -> str:
+        return f"{self.quantity} ({self.unit})" if self.unit else self.quantity
 
 
-def _revolution(data: Data, looks: Looks) -> list[list[Plot]]:
-    """The answer's first chart: before and after, each with its number large above it."""
-    return [
-        [replace(plot(chart, chart["x"], _before_and_after, looks), title="")] for chart in data["answer"][:1]
-    ]
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OverGrid(Chart):
+    """Curves at a constant step. `x_unit`: that of a place on the grid.
+
+    `cycles`: how often they go up and down; `holds`: when learning was held back.
+    """
+
+    start: float
+    step: float
+    x_unit: str | None = field(default=None, metadata={"key": "about"})
+    cycles: int | None = None
+    holds: Sequence[Span] | None = field(default=None, metadata={"key": "held"})
 
 
-def _before_and_after(chart: Data, looks: Looks, ax: Any) -> None:
-    for k, series in enumerate(chart["series"]):
-        y, look = unpack(series["values"]), looks[series["controller"]]
-        ax.plot(times(chart, y), y, **{**look, "linewidth": (0.9, 1.8)[min(k, 1)]})
-        where = {"transform": ax.transAxes, "va": "bottom", "color": look["color"]}
-        ax.text(0.32 * k, 1.11, look["label"], **where)
-        ax.text(0.32 * k, 1.01, series.get("text", ""), fontsize=17, fontweight="bold", **where)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Spectrum(Chart):
+    orders: Sequence[int]
 
 
-def _bars(chart: Data, looks: Looks, ax: Any) -> None:
-    places = range(len(chart["orders"]))
-    width = 0.78 / len(chart["series"])
-    for k, series in enumerate(chart["series"]):
-        middles = [i + (k - len(chart["series"]) / 2 + 0.5) * width for i in places]
-        heights = [value or 0.0 for value in series["values"]]
-        ax.bar(middles, heights, 0.92 * width, **looks[series["controller"]])
-    ax.set_xticks(places, [str(order) for order in chart["orders"]])
-    ax.margins(x=0.05)
-    ax.grid(axis="x", visible=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OverAngle(Chart):
+    angle: Sequence[float]  # deg
 
 
-def _map(chart: Data, looks: Looks, ax: Any) -> None:
-    for series in chart["series"]:
-        ax.plot(chart["angle"], series["values"], **looks[series["controller"]])
+@dataclass(frozen=True)
+class Grown:
+    """A frequency, Hz, that grew in a run."""
+
+    controller: int
+    at: float
 
 
-SPEED_PICTURES = {
-    "waveforms": Picture(_waveforms, 1.7, (2, 1)),
-    "spectra": Picture(lambda data, looks: stack(data["spectra"], _bars, looks), 2.6),
-    "map": Picture(lambda data, looks: stack(data["maps"], _map, looks), 2.6),
-    "revolution": Picture(_revolution, 3.4),
-}
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OverFrequency(Chart):
+    frequency: Array  # Hz
+    marks: Sequence[Grown] | None = None
 
 
-MOST_COLUMNS = 4  # phases whose first trial is drawn
-FAINT = "#5c6570"
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OverRun(Chart):
+    """Values piece by piece, along the time or the speed."""
+
+    along: Array
 
 
-def _rms(data: Data, looks: Looks) -> list[list[Plot]]:
-    over = data["over_trials"]
-    return stack(over["charts"], _over_trials, over["marks"], looks)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OverVariants(Chart):
+    """Values of a sweep's variants, and their limit in the unit."""
+
+    xs: Array
+    limit: float | None
 
 
-def _over_trials(chart: Data, marks: list[Data], looks: Looks, ax: Any) -> None:
-    for series in chart["series"]:
-        y = 10 ** unpack(series["values"])
-        ax.plot(np.arange(1, len(y) + 1), y, **looks[series["controller"]])
-    ax.set_yscale("log")
-    if "floor" in chart:
-        ax.axhline(chart["floor"], color=FAINT, linestyle="--", linewidth=0.8)
-        where = {"xycoords": ("axes fraction", "data"), "va": "bottom", "ha": "right"}
-        ax.annotate(chart["floor_name"], (0.995, chart["floor"]), fontsize=8, **where)
-    for row, mark in enumerate(marks):
-        ax.axvline(mark["trial"], color=FAINT, linestyle=":", linewidth=0.8)
-        where = {"xycoords": ("data", "axes fraction"), "va": "top", "textcoords": "offset points"}
-        ax.annotate(mark["name"], (mark["trial"], 1 - 0.06 * (row % 4)), (3, 0), fontsize=8, **where)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OverTrials(Chart):
+    """A value of each trial, as a decimal logarithm; `note`: which have none."""
+
+    note: str
+    floor: float | None = None
+    floor_name: str | None = None
 
 
-def _trials(data: Data, looks: Looks) -> list[list[Plot]]:
-    """A column of plots for the first trial of each phase, with all controllers in each plot."""
-    waves = data["waveforms"]
-    return [
-        [
-            plot(panel, fill(f"{waves['x']}; {phase['name']}", 32), _trial, waves, column, looks)
-            for column, phase in enumerate(waves["phases"][:MOST_COLUMNS])
-        ]
-        for panel in waves["panels"]
-    ]
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrialPanel(Chart):
+    """Curves of chosen trials, with the reference of each phase."""
+
+    references: Sequence[Array] = field(metadata=PACKED)
 
 
-def _trial(panel: Data, waves: Data, column: int, looks: Looks, ax: Any) -> None:
-    first = str(waves["phases"][column]["trials"][0])
-    curves = [(series["trials"][first], looks[series["controller"]]) for series in panel["series"]]
-    curves += [(packed, REFERENCE) for packed in panel["references"][column : column + 1]]
-    for packed, look in curves:
-        y = unpack(packed)
-        ax.plot(times(waves, y), y, **look)
+@dataclass(frozen=True, eq=False)
+class Waterfall:
+    """Amplitudes of a controller by speed and order, row by row; `quantity` is that of the speeds."""
+
+    title: str
+    x: str
+    quantity: str
+    unit: str
+    controller: int
+    top: float
+    speeds: Array
+    orders: int
+    values: Array = field(metadata=PACKED)
 
 
-def _factors(chart: Data, looks: Looks, ax: Any) -> None:
-    for series in chart["series"]:
-        dashed = {"linestyle": "--", "label": None} if series.get("dash") else {}
-        ax.plot(chart["frequency"], unpack(series["values"]), **(looks[series["controller"]] | dashed))
-    ax.axhline(1, color=FAINT, linewidth=1)
-    ax.set_xscale("log")
-    ax.set_ylim(bottom=0)
+@dataclass(frozen=True, eq=False)
+class Polar:
+    title: str
+    unit: str
+    series: Sequence[Band]
 
 
-TRIAL_PICTURES = {
-    "rms": Picture(_rms, 3.4),
-    "trials": Picture(_trials, 1.7),
-    "certificate": Picture(lambda data, looks: stack(data["certificate"], _factors, looks), 2.6),
-}
+@dataclass(frozen=True)
+class LaneRun:
+    """A run's times, s, at which a state began and ended in turn."""
+
+    controller: int
+    spans: Sequence[float]
+
+
+@dataclass(frozen=True)
+class Lane:
+    """When a state was active, run by run."""
+
+    name: str
+    runs: Sequence[LaneRun]
+
+
+@dataclass(frozen=True, eq=False)
+class Waveforms:
+    """Panels on a grid in time, with parts on finer grids."""
+
+    panels: Sequence[Chart]
+    x: str = ""
+    start: float = math.nan
+    step: float = math.nan
+    details: Sequence[Grid] = ()
+
+
+@dataclass(frozen=True)
+class ChosenTrials:
+    name: str
+    trials: Sequence[int]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrialWaveforms:
+    """Panels on a grid in the time of a trial; `phases`: the chosen trials of each."""
+
+    panels: Sequence[TrialPanel]
+    phases: Sequence[ChosenTrials]
+    note: str
+    x: str = ""
+    start: float = math.nan
+    step: float = math.nan
+
+
+@dataclass(frozen=True)
+class Changed:
+    """What changes at a trial."""
+
+    trial: int
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    charts: Sequence[OverTrials]
+    trials: int
+    marks: Sequence[Changed]
+    zooms: Sequence[Zoom]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpeedCharts:
+    """All charts of a scenario of speed."""
+
+    answer: Sequence[OverGrid]
+    waveforms: Waveforms
+    zooms: Sequence[Zoom]
+    marks: Sequence[Span]
+    strip: Sequence[Lane]
+    spectra: Sequence[Spectrum]
+    maps: Sequence[OverAngle]
+    polar: Sequence[Polar]
+    angle: Sequence[OverAngle]
+    criterion: Sequence[OverFrequency]
+    bode: Sequence[OverFrequency]
+    events: Sequence[Waveforms]
+    waterfall: Sequence[Waterfall]
+    tracking: Sequence[OverRun]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrialCharts:
+    """All charts of a scenario of trials."""
+
+    answer: Sequence[OverGrid]
+    over_trials: Trials
+    waveforms: TrialWaveforms
+    certificate: Sequence[OverFrequency]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SweepCharts:
+    """All charts of a scenario of a sweep."""
+
+    spreads: Sequence[OverVariants]
+    scatter: Sequence[OverVariants]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from cogless.report.markup import place, plain
+from cogless.report.charts import Band, OverAngle, Polar, Series
+from cogless.report.markup import place
 from cogless.report.panels import learned_terms
 from cogless.results import Results, Run
 from cogless.results.trace import Array
@@ -26,7 +26,7 @@ MAP_NOTE = (
 )
 
 
-def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def maps(results: Results, runs: Sequence[Run]) -> list[OverAngle]:
     """Charts of the learned current over angle, one electrical and one mechanical, each on a common grid."""
     charts = []
     for frame in ("electrical", "mechanical"):
@@ -44,25 +44,21 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         longest = max(_period(run) for run in learned)
         grid = np.linspace(0, longest, cells + 1)
         series = [
-            {
-                "controller": place(results, run),
-                "values": plain(
-                    np.interp(grid, run.memory["angle"], run.memory["current"], period=_period(run))
-                ),
-            }
+            Series(
+                controller=place(results, run),
+                values=np.interp(grid, run.memory["angle"], run.memory["current"], period=_period(run)),
+            )
             for run in learned
         ]
-        angle = np.round(np.rad2deg(grid), 3).tolist()
-        charts.append(
-            {
-                "title": "Learned current",
-                "x": f"{frame} angle (°)",
-                "quantity": "current",
-                "unit": "A",
-                "angle": angle,
-                "series": series,
-            }
+        chart = OverAngle(
+            title="Learned current",
+            x=f"{frame} angle (°)",
+            quantity="current",
+            unit="A",
+            angle=np.round(np.rad2deg(grid), 3).tolist(),
+            series=series,
         )
+        charts.append(chart)
     return charts
 
 
@@ -72,9 +68,9 @@ def _period(run: Run) -> float:
     return float(len(angle) * (angle[1] - angle[0]))
 
 
-def polar(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def polar(results: Results, runs: Sequence[Run]) -> list[Polar]:
     """Charts of the learned current around one revolution with its spread over the last of them."""
-    series: dict[str, list[dict[str, Any]]] = {"electrical": [], "mechanical": []}
+    series: dict[str, list[Band]] = {"electrical": [], "mechanical": []}
     for run in runs:
         frame = run.memory["frame"] if run.memory else "mechanical"
         names = learned_terms(results, run)
@@ -86,12 +82,11 @@ def polar(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
                 turns, np.sum([run.trace.part(name, rows) for name in names], axis=0)
             )
             if len(turns_of_current) > 1:
-                values = {"values": np.mean(turns_of_current, axis=0)}
-                values |= {"low": np.min(turns_of_current, axis=0), "high": np.max(turns_of_current, axis=0)}
-                packed = {name: plain(x) for name, x in values.items()}
-                series[frame].append({"controller": place(results, run), **packed})
+                least, largest = np.min(turns_of_current, axis=0), np.max(turns_of_current, axis=0)
+                mean, where = np.mean(turns_of_current, axis=0), place(results, run)
+                series[frame].append(Band(controller=where, values=mean, low=least, high=largest))
     return [
-        {"title": f"Learned current around one {frame} revolution", "unit": "A", "series": drawn}
+        Polar(f"Learned current around one {frame} revolution", "A", drawn)
         for frame, drawn in series.items()
         if drawn
     ]

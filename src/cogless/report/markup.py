@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
+from string import Template
 from typing import Any
 
 import numpy as np
 
+from cogless.files import versions
 from cogless.results import AnyResults, Run
 from cogless.results.trace import Array
 
@@ -47,6 +49,21 @@ def asset(name: str) -> str:
     return (files("cogless.report") / "assets" / name).read_text(encoding="utf-8")
 
 
+def frame(command: str, title: str, main: str, footer: str, **more: str) -> str:
+    """A command's whole page from its parts as HTML. `more`: `head`, `warning`, `styles` and `scripts`."""
+    parts = dict.fromkeys(("head", "warning", "styles", "scripts"), "") | more
+    parts |= {"command": command, "title": escape(title), "main": main, "footer": footer}
+    css, version = asset("report.css"), escape(versions()["cogless"])
+    return Template(asset("page.html")).substitute(parts, css=css, version=version)
+
+
+def still_page(command: str, title: str, sections: Sequence[tuple[str, str]]) -> str:
+    """A page without scripts from these sections, heading and HTML each; empty ones are left out."""
+    main = "".join(f"<section><h2>{escape(name)}</h2>{text}</section>\n" for name, text in sections if text)
+    footer = f"Made by cogless {escape(versions()['cogless'])}. Errors are at 95 % confidence."
+    return frame(command, title, main, footer)
+
+
 def note(text: str) -> str:
     """A remark as HTML."""
     return f'<p class="note">{escape(text)}</p>'
@@ -55,6 +72,22 @@ def note(text: str) -> str:
 def reservations(sentences: Sequence[str]) -> str:
     """Notes on values that a table or plot leaves out, or shows with a reservation."""
     return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences if sentence)
+
+
+def sentences(remarks: Sequence[str]) -> str:
+    """Sentences as a list."""
+    if not remarks:
+        return note("Nothing is left out.")
+    return '<ul class="verdicts">' + "".join(f"<li>{escape(line)}</li>" for line in remarks) + "</ul>"
+
+
+def legend(colour_of: Mapping[str, str]) -> str:
+    """What a picture's colours, names of the style's, stand for."""
+    keys = (
+        f'<span class="key" style="--colour:var({colour})">{escape(name)}</span>'
+        for name, colour in colour_of.items()
+    )
+    return f'<p class="note">{" ".join(keys)}</p>'
 
 
 def tint(results: AnyResults, controller: str) -> str:
@@ -87,10 +120,29 @@ def table(kind: str, caption: str, head: str, *bodies: str, attributes: str = ""
     if not any(bodies):
         return ""
     groups = "".join(f"<tbody>{body}</tbody>" for body in bodies)
+    head = f"<thead><tr>{head}</tr></thead>" if head else ""
     return (
         f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
-        f'<table class="{kind}"{attributes}><thead><tr>{head}</tr></thead>{groups}</table></div>'
+        f'<table class="{kind}"{attributes}>{head}{groups}</table></div>'
     )
+
+
+def text_table(kind: str, caption: str, names: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of texts: its columns' names, and in each row a heading and cells."""
+    lines = ((first, "".join(f"<td>{escape(cell)}</td>" for cell in cells)) for first, *cells in rows)
+    return table(kind, caption, "".join(f"<th>{escape(name)}</th>" for name in names), table_rows(lines))
+
+
+def bars(caption: str, rows: Iterable[tuple[str, Iterable[tuple[str, float]], str]]) -> str:
+    """A table of bars: a heading; the colours and lengths, at most 1, of the parts of a bar; a text."""
+    lines = []
+    for heading, parts, text in rows:
+        bar = "".join(
+            f'<div class="meter" style="--colour:{colour};width:{100 * share:.2f}%"></div>'
+            for colour, share in parts
+        )
+        lines.append((heading, f'<td class="wide"><div>{bar}</div></td><td>{escape(text)}</td>'))
+    return table("bars", caption, "", table_rows(lines))
 
 
 def thin(x: Array, points: int) -> tuple[Array, float]:

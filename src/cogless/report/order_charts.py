@@ -14,13 +14,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.report.charts import Bars, OverRun, Series, Spectrum, Waterfall
 from cogless.report.comparison import pretty, speed_unit
-from cogless.report.markup import number, pack, place, plain
+from cogless.report.markup import number, place
 from cogless.report.panels import learned_terms, varies_in
 from cogless.report.speed_tracking import TRACKING_ROWS, late
 from cogless.results import Results, Run
@@ -39,7 +39,7 @@ SPECTRA_NOTE = (
 )
 
 
-def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def spectra(results: Results, runs: Sequence[Run]) -> list[Spectrum]:
     """Charts of the speed by electrical and mechanical order, late in the run and where each law began."""
     pole_pairs, unit = results.study.motor.pole_pairs, speed_unit(results)
     scale = factor(unit, ANGULAR_SPEED)
@@ -57,18 +57,21 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         frames.append(("mechanical", mechanical, 1, ", the strongest"))
     drawn = "speed error" if any(_signal(run) == "omega_error" for run in runs) else "speed"
     return [
-        {
-            "title": f"{drawn.capitalize()} by {frame} order{which}",
-            "x": f"order of the {frame} revolution",
-            "quantity": f"{drawn} amplitude",
-            "unit": pretty(unit),
-            "orders": orders.tolist(),
-            "series": [
-                {"controller": where, "values": plain(after[orders * step] / scale)}
-                | ({} if early is None else {"early": plain(early[orders * step] / scale)})
+        Spectrum(
+            title=f"{drawn.capitalize()} by {frame} order{which}",
+            x=f"order of the {frame} revolution",
+            quantity=f"{drawn} amplitude",
+            unit=pretty(unit),
+            orders=orders.tolist(),
+            series=[
+                Bars(
+                    controller=where,
+                    values=after[orders * step] / scale,
+                    early=None if early is None else early[orders * step] / scale,
+                )
                 for where, early, after in with_end
             ],
-        }
+        )
         for frame, orders, step, which in frames
         if len(orders)
     ]
@@ -304,7 +307,7 @@ def _median(amplitudes: Array) -> Array:
     return median
 
 
-def waterfall(results: Results, orders: Tracked | None) -> list[dict[str, Any]]:
+def waterfall(results: Results, orders: Tracked | None) -> list[Waterfall]:
     """Charts of amplitude by order and speed, one per controller; empty if the speed doesn't sweep."""
     if orders is None or not orders.sweeps:
         return []
@@ -315,22 +318,22 @@ def waterfall(results: Results, orders: Tracked | None) -> list[dict[str, Any]]:
     top = max(float(np.nanmax(x)) for x in orders.amplitudes.values())
     unit = speed_unit(results)
     return [
-        {
-            "title": "Orders over speed",
-            "x": "order of the mechanical revolution",
-            "quantity": "speed",
-            "unit": pretty(unit),
-            "controller": controller,
-            "top": top,
-            "speeds": plain(orders.speeds[by_speed] / factor(unit, ANGULAR_SPEED)),
-            "orders": highest_shown,
-            "values": pack(x[by_speed, :highest_shown].ravel()),
-        }
+        Waterfall(
+            title="Orders over speed",
+            x="order of the mechanical revolution",
+            quantity="speed",
+            unit=pretty(unit),
+            controller=controller,
+            top=top,
+            speeds=orders.speeds[by_speed] / factor(unit, ANGULAR_SPEED),
+            orders=highest_shown,
+            values=x[by_speed, :highest_shown].ravel(),
+        )
         for controller, x in orders.amplitudes.items()
     ]
 
 
-def tracking(results: Results, runs: Sequence[Run], orders: Tracked | None) -> list[dict[str, Any]]:
+def tracking(results: Results, runs: Sequence[Run], orders: Tracked | None) -> list[OverRun]:
     """A chart of each strong order over speed if that sweeps; else over time, if a law learns."""
     if orders is None or not (orders.sweeps or any(learned_terms(results, run) for run in runs)):
         return []
@@ -338,16 +341,16 @@ def tracking(results: Results, runs: Sequence[Run], orders: Tracked | None) -> l
     along = np.argsort(orders.speeds) if orders.sweeps else np.arange(len(orders.times))
     x = orders.speeds[along] / factor(speed_unit(results), ANGULAR_SPEED) if orders.sweeps else orders.times
     return [
-        {
-            "title": f"Order {order} of the mechanical revolution",
-            "x": f"speed ({unit})" if orders.sweeps else "time (s)",
-            "quantity": "amplitude",
-            "unit": unit,
-            "along": plain(x),
-            "series": [
-                {"controller": controller, "values": plain(values[along, order - 1])}
+        OverRun(
+            title=f"Order {order} of the mechanical revolution",
+            x=f"speed ({unit})" if orders.sweeps else "time (s)",
+            quantity="amplitude",
+            unit=unit,
+            along=x,
+            series=[
+                Series(controller=controller, values=values[along, order - 1])
                 for controller, values in orders.amplitudes.items()
             ],
-        }
+        )
         for order in orders.followed
     ]

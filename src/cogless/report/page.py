@@ -15,9 +15,10 @@ from string import Template
 from typing import Any
 
 from cogless.files import versions
-from cogless.report.charts import Picture
+from cogless.report.charts import to_page
 from cogless.report.comparison import Line, runs_in
-from cogless.report.markup import asset, colours, key, note, place, table_rows, tint
+from cogless.report.markup import asset, colours, frame, key, note, place, table_rows, tint
+from cogless.report.pictures import Picture
 from cogless.report.verdicts import Answer, LearningHelps, Paragraph, ScenarioVerdict
 from cogless.results import AnyResults, Run
 from cogless.results.results_json import run_id
@@ -129,7 +130,7 @@ class Sections:
     kind: str  # "speed" or "trials", as in the names of template and script in assets/
     lines: Callable[[Any, str], list[Line]]
     verdict: Callable[[Any, Runs], ScenarioVerdict | None]
-    charts: Callable[[Any, Runs], dict[str, Any]]  # plain values for the script
+    charts: Callable[[Any, Runs], Any]  # a scenario's charts; fields as the script knows them
     parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
     pictures: Mapping[str, Picture]
     outcome: Callable[[Any, Runs], Outcome | None] = no_outcome
@@ -150,32 +151,33 @@ def render(results: AnyResults, sections: Sections) -> str:
     """The page as one HTML text. All text from the study is escaped."""
     results, study = drawable(results), results.study
     all_verdicts = verdicts(results, sections)
+    makers = escape(", ".join(f"{name} {version}" for name, version in versions().items()))
     text = json.dumps(data(results, sections), separators=(",", ":"), allow_nan=False)
-    return Template(asset("page.html")).substitute(
-        scenarios="".join(_scenario(results, sections, all_verdicts, name) for name in results.scenarios)
-        or note(UNJUDGED),
-        title=escape(study.title),
-        description=_description(study),
-        interrupted='<p class="warning">Interrupted: not all runs are here.</p>'
-        if results.interrupted
-        else "",
-        tabs="".join(_tab(results, sections, name) for name in results.scenarios),
-        chips="".join(
-            f'<button type="button" aria-pressed="true" {tint(results, name)}>'
-            f"{escape(study.label(name))}</button>"
-            for name in colours(results)
+    return frame(
+        "report",
+        study.title,
+        Template(asset("report.html")).substitute(
+            scenarios="".join(_scenario(results, sections, all_verdicts, name) for name in results.scenarios)
+            or note(UNJUDGED),
+            description=_description(study),
+            tabs="".join(_tab(results, sections, name) for name in results.scenarios),
+            chips="".join(
+                f'<button type="button" aria-pressed="true" {tint(results, name)}>'
+                f"{escape(study.label(name))}</button>"
+                for name in colours(results)
+            ),
+            assumptions=assumptions(study),
+            settings=settings(study),
         ),
-        assumptions=assumptions(study),
-        settings=settings(study),
-        seed=study.seed,
-        run=run_id(results),
-        made=escape(", ".join(f"{name} {version}" for name, version in versions().items())),
-        version=escape(versions()["cogless"]),
-        data=text.replace("<", "\\u003c"),  # so that no text of the user ends the script element
-        css=asset("report.css"),
-        js=asset("speed.js") + asset("trials.js") + asset("sweep.js") + asset("page.js"),
-        uplot_css=asset("uplot.min.css"),
-        uplot_js=asset("uplot.min.js"),
+        f"Made by {makers}; seed {study.seed}. Plots: uPlot (MIT).",
+        head=f'<meta name="run" content="{run_id(results)}">\n',
+        warning='<p class="warning">Interrupted: not all runs are here.</p>' if results.interrupted else "",
+        styles=f"<style>{asset('uplot.min.css')}</style>\n",
+        scripts=Template(asset("scripts.html")).substitute(
+            data=text.replace("<", "\\u003c"),  # so that no text of the user ends the script element
+            js="".join(map(asset, ("speed.js", "trials.js", "sweep.js", "page.js"))),
+            uplot_js=asset("uplot.min.js"),
+        ),
     )
 
 
@@ -185,15 +187,19 @@ def verdicts(results: AnyResults, sections: Sections) -> list[ScenarioVerdict]:
     return [verdict for verdict in of_scenarios if verdict is not None]
 
 
+def charts(results: AnyResults, sections: Sections) -> list[Any]:
+    """The charts of each scenario; `results` from `drawable`."""
+    return [sections.charts(results, runs_in(results, scenario)) for scenario in results.scenarios]
+
+
 def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
-    """All data that the page's scripts and the pictures draw, as plain values; `results` from `drawable`."""
-    colour = colours(results)
-    scenarios = []
-    for scenario in results.scenarios:
-        runs = runs_in(results, scenario)
-        common = {"kind": sections.kind, "controllers": [place(results, run) for run in runs]}
-        scenarios.append(common | sections.charts(results, runs))
-    controllers = [{"label": results.study.label(name), "colour": colour[name]} for name in colour]
+    """All data that the page's scripts draw, as plain values; `results` from `drawable`."""
+    scenarios = [
+        {"kind": sections.kind, "controllers": [place(results, run) for run in runs_in(results, scenario)]}
+        | to_page(drawn)
+        for scenario, drawn in zip(results.scenarios, charts(results, sections), strict=True)
+    ]
+    controllers = [{"label": results.study.label(c), "colour": n} for c, n in colours(results).items()]
     return {"controllers": controllers, "scenarios": scenarios}
 
 

@@ -13,6 +13,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
+from cogless.report.charts import Zoom
 from cogless.report.comparison import pretty
 from cogless.report.markup import number, rms
 from cogless.report.verdicts import listed
@@ -124,18 +125,18 @@ def phases(scenario: TrialScenario) -> list[Phase]:
     return [Phase(start, stop, what) for (start, stop), what in zip(bounds, changed, strict=True)]
 
 
-def zooms(all_phases: Sequence[Phase]) -> list[dict[str, object]]:
+def zooms(all_phases: Sequence[Phase]) -> list[Zoom]:
     """Zoom buttons above the plots over trials: all trials, and the first trials of each group of phases."""
     count = all_phases[-1].stop - 1
-    buttons: list[dict[str, object]] = [{"name": "all trials", "from": 1, "to": count}]
+    buttons = [Zoom("all trials", 1, count)]
     changes = min(count, all_phases[-1].start + ZOOM_TRIALS - 1)
     if len(all_phases) > 1 and changes < ZOOM_SHARE_MOST * count:
-        buttons.append({"name": "all changes", "from": 1, "to": changes})
+        buttons.append(Zoom("all changes", 1, changes))
     for group in groups(all_phases):
         end = group.start + ZOOM_TRIALS - 1 if len(group.phases) == 1 else group.stop - 1
         first, last = max(1, group.start - ZOOM_TRIALS_BEFORE), min(count, end)
         if last - first < ZOOM_SHARE_MOST * (count - 1):
-            buttons.append({"name": group.name, "from": first, "to": last})
+            buttons.append(Zoom(group.name, first, last))
     return buttons
 
 

@@ -2,46 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from cogless.report import angle_charts, map_charts, order_charts, tables
 from cogless.report.answer import answer, pictures
 from cogless.report.best_runs import with_learning_off, with_limits
-from cogless.report.charts import SPEED_PICTURES
+from cogless.report.charts import SpeedCharts
 from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
 from cogless.report.page import Runs, Sections
+from cogless.report.pictures import SPEED_PICTURES
 from cogless.report.speed_tracking import strip
 from cogless.report.speed_verdict import judged_line, learning_off, verdict
 from cogless.report.tables import line_table, term_tables
 from cogless.report.waveforms import events, marks, waveforms, zooms
 from cogless.results import Results
 
-LISTS = {
-    "zooms": zooms,
-    "marks": marks,
-    "strip": strip,
-    "spectra": order_charts.spectra,
-    "maps": map_charts.maps,
-    "polar": map_charts.polar,
-    "angle": angle_charts.over_angle,
-    "criterion": angle_charts.criterion,
-    "bode": angle_charts.bode,
-    "events": events,
-}
 
-
-def _charts(results: Results, runs: Runs) -> dict[str, Any]:
+def _charts(results: Results, runs: Runs) -> SpeedCharts:
     drawn = [run for run in runs if len(run.trace) > 1]
-    lists = {name: chart(results, drawn) if drawn else [] for name, chart in LISTS.items()}
     followed = order_charts.tracked(results, drawn) if drawn else None
-    return {
-        "answer": pictures(results, runs),
-        "waveforms": waveforms(results, drawn),
-        "waterfall": order_charts.waterfall(results, followed),
-        "tracking": order_charts.tracking(results, drawn, followed),
-        **lists,
-    }
+    return SpeedCharts(
+        answer=pictures(results, runs),
+        waveforms=waveforms(results, drawn),
+        zooms=zooms(results, drawn) if drawn else [],
+        marks=marks(results, drawn) if drawn else [],
+        strip=strip(results, drawn) if drawn else [],
+        spectra=order_charts.spectra(results, drawn) if drawn else [],
+        maps=map_charts.maps(results, drawn),
+        polar=map_charts.polar(results, drawn),
+        angle=angle_charts.over_angle(results, drawn),
+        criterion=angle_charts.criterion(results, drawn),
+        bode=angle_charts.bode(results, drawn) if drawn else [],
+        events=events(results, drawn) if drawn else [],
+        waterfall=order_charts.waterfall(results, followed),
+        tracking=order_charts.tracking(results, drawn, followed),
+    )
 
 
 def _parts(results: Results, runs: Runs) -> dict[str, str]:

@@ -6,12 +6,12 @@ The controllers' status over time: in which time spans each state was active.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
+from cogless.report.charts import Lane, LaneRun
 from cogless.report.markup import number, place
 from cogless.report.verdicts import listed
 from cogless.results import Results, Run
@@ -35,7 +35,7 @@ STATE_LANES: dict[int, str] = {
 }
 
 
-def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def strip(results: Results, runs: Sequence[Run]) -> list[Lane]:
     """A lane for each state that is active in some run: its name, each run's spans.
 
     Without faults, states that last less than a moment in every run have none.
@@ -49,10 +49,10 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         by_place = {place(results, run): spans_of_run for run in able if (spans_of_run := spans(run, bits))}
         if any(sum(to - since for since, to in spans_of_run) >= least for spans_of_run in by_place.values()):
             drawn = [
-                {"controller": controller, "spans": [t for span in by_place[controller] for t in span]}
+                LaneRun(controller, [t for span in by_place[controller] for t in span])
                 for controller in sorted(by_place)
             ]
-            lanes.append({"name": name, "runs": drawn})
+            lanes.append(Lane(name, drawn))
     return lanes
 
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,9 @@ from cogless.ensemble.judge import SOBOL_VARIANTS_LEAST, Influence, Spread, infl
 from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
+from cogless.report.charts import OverVariants, Series, SweepCharts
 from cogless.report.comparison import pretty
-from cogless.report.markup import DASH, key, note, number, place, plain, reservations, table, table_rows
+from cogless.report.markup import DASH, key, note, number, place, reservations, table, table_rows
 from cogless.report.page import Runs, Sections
 from cogless.report.verdicts import Answer, Paragraph, ScenarioVerdict, listed
 from cogless.results import AnyResults, Run
@@ -275,13 +275,13 @@ def _plotted(groups: Sequence[Sequence[Spread]]) -> list[Sequence[Spread]]:
     return (limited or judged)[:METRICS_PLOTTED]
 
 
-def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
+def _charts(results: SweepResults, runs: Runs) -> SweepCharts:
     sweep = results.finished_sweep
     columns = [group[0].column for group in _plotted(judge.spreads(sweep, runs[0].scenario))]
-    return {
-        "spreads": [_spread_chart(results, runs, c) for c in columns],
-        "scatter": [c for column in columns for c in _scatter(results, runs, column)],
-    }
+    return SweepCharts(
+        spreads=[_spread_chart(results, runs, c) for c in columns],
+        scatter=[c for column in columns for c in _scatter(results, runs, column)],
+    )
 
 
 def _values_in_unit(sweep: Sweep, run: Run, column: Column) -> Array:
@@ -290,7 +290,7 @@ def _values_in_unit(sweep: Sweep, run: Run, column: Column) -> Array:
     return np.asarray(sweep.values[:, at, index] / _factor(column))
 
 
-def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str, Any]:
+def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> OverVariants:
     shares = np.linspace(0, 100, min(PLOT_POINTS, results.finished_sweep.ensemble.count))
     series = []
     for run in runs:
@@ -300,17 +300,12 @@ def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str
         ]  # NaN is sorted last, or first
         values = np.concatenate((values[~np.isnan(values)], values[np.isnan(values)]))
         at = np.rint(shares / 100 * (len(values) - 1)).astype(int)
-        series.append({"controller": place(results, run), "values": plain(values[at])})
-    return {
-        **_column_data(column),
-        "title": f"{_name(column)}: share of variants",
-        "x": "share of variants that are no worse (%)",
-        "xs": plain(shares),
-        "series": series,
-    }
+        series.append(Series(controller=place(results, run), values=values[at]))
+    title, x = f"{_name(column)}: share of variants", "share of variants that are no worse (%)"
+    return _over_variants(column, title, x, shares, series)
 
 
-def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str, Any]]:
+def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[OverVariants]:
     sweep = results.finished_sweep
     strength: dict[str, float] = {}
     for of_run in _influences(sweep, runs, column):
@@ -322,32 +317,28 @@ def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str
         x = positions(sweep, name)[:PLOT_POINTS] / axis.factor
         order = np.argsort(x, kind="stable")
         series = [
-            {
-                "controller": place(results, run),
-                "values": plain(_values_in_unit(sweep, run, column)[:PLOT_POINTS][order]),
-            }
+            Series(
+                controller=place(results, run),
+                values=_values_in_unit(sweep, run, column)[:PLOT_POINTS][order],
+            )
             for run in runs
         ]
-        unit = f" ({pretty(axis.unit)})" if axis.unit else ""
-        charts.append(
-            {
-                **_column_data(column),
-                "title": f"{_name(column)} over {name}",
-                "x": f"{name}{unit}",
-                "xs": plain(x[order]),
-                "series": series,
-            }
-        )
+        label = f"{name} ({pretty(axis.unit)})" if axis.unit else name
+        charts.append(_over_variants(column, f"{_name(column)} over {name}", label, x[order], series))
     return charts
 
 
-def _column_data(column: Column) -> dict[str, Any]:
+def _over_variants(column: Column, title: str, x: str, xs: Array, series: Sequence[Series]) -> OverVariants:
     limit = column.metric.limit
-    return {
-        "quantity": _name(column),
-        "unit": pretty(_unit(column)),
-        "limit": None if limit is None else limit / _factor(column),
-    }
+    return OverVariants(
+        title=title,
+        x=x,
+        quantity=_name(column),
+        unit=pretty(_unit(column)),
+        xs=xs,
+        limit=None if limit is None else limit / _factor(column),
+        series=series,
+    )
 
 
 # --- texts

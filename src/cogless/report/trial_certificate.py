@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any
 
 import numpy as np
 
 from cogless.design.trials.certificate import GROWTH_ROUNDING, Certificate, Learning, ModelCertificate
-from cogless.report.markup import DASH, key, number, pack, place, plain, table
+from cogless.report.charts import Curve, OverFrequency
+from cogless.report.markup import DASH, key, number, place, table
 from cogless.results import Run, TrialResults
 
 CERTIFICATE_NOTE = (
@@ -71,7 +71,7 @@ def certificate_table(results: TrialResults, runs: Sequence[Run]) -> str:
     return table("proof", f"Certificates in {runs[0].scenario}", head, *bodies)
 
 
-def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def curves(results: TrialResults, runs: Sequence[Run]) -> list[OverFrequency]:
     """A chart for each kind of model: |F| over frequency of each controller that learns."""
     charts: dict[Model, list[tuple[Run, Learning, bool]]] = {}
     for run in runs:
@@ -87,24 +87,23 @@ def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 def _chart(
     results: TrialResults, title: str, curves_of_runs: Sequence[tuple[Run, Learning, bool]]
-) -> dict[str, Any]:
+) -> OverFrequency:
     """A chart of all curves on the union of their frequencies, without zero: the axis is logarithmic."""
     frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in curves_of_runs]))
     frequency = frequency[frequency > 0]
     series = [
-        {"controller": place(results, run), "values": pack(np.interp(frequency, *learning.curve))}
-        | ({"dash": True} if dash else {})
+        Curve(controller=place(results, run), values=np.interp(frequency, *learning.curve), dash=dash)
         for run, learning, dash in curves_of_runs
     ]
     dashed = ", without Q filter dashed" if any(dash for _, _, dash in curves_of_runs) else ""
-    return {
-        "title": f"{title}: |F| of the worst plant{dashed}",
-        "x": "frequency (Hz)",
-        "quantity": "|F|, factor a trial",
-        "unit": "",
-        "frequency": plain(frequency),
-        "series": series,
-    }
+    return OverFrequency(
+        title=f"{title}: |F| of the worst plant{dashed}",
+        x="frequency (Hz)",
+        quantity="|F|, factor a trial",
+        unit="",
+        frequency=frequency,
+        series=series,
+    )
 
 
 def close_to_one(value: float) -> str:

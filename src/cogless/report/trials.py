@@ -13,7 +13,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +21,20 @@ from cogless.design.trials.gains import TrialDesign
 from cogless.design.trials.state_feedback import Check
 from cogless.design.trials.trial_summary import labelled_notes, matrix_flash, matrix_size, megabytes
 from cogless.report import trial_certificate
-from cogless.report.charts import TRIAL_PICTURES
+from cogless.report.charts import (
+    Changed,
+    ChosenTrials,
+    Curve,
+    OverGrid,
+    OverTrials,
+    TrialCharts,
+    TrialCurves,
+    TrialPanel,
+    Trials,
+    TrialWaveforms,
+)
 from cogless.report.comparison import Line, lines_of, runs_in, shown_in
-from cogless.report.markup import DASH, headings, note, number, pack, place, table, table_rows, thin
+from cogless.report.markup import DASH, headings, note, number, place, table, table_rows, thin
 from cogless.report.page import Runs, Sections
 from cogless.report.phases import (
     ERROR_NAMES,
@@ -36,6 +46,7 @@ from cogless.report.phases import (
     rms_of_trials,
     zooms,
 )
+from cogless.report.pictures import TRIAL_PICTURES
 from cogless.report.tables import line_table
 from cogless.report.trial_case import Case, case, outcome, own_lines
 from cogless.report.trial_verdict import best_of, verdict
@@ -47,27 +58,17 @@ from cogless.study import TrialStudy
 from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS
 
 
-def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
-    """Charts on a logarithmic axis, marks of changes, and zooms. A series holds decimal logarithms."""
+def over_trials(results: TrialResults, runs: Sequence[Run]) -> Trials:
+    """Charts on a logarithmic axis, marks of changes, and zooms."""
     study, scenario = results.study, runs[0].scenario
     metric_words, described = judged(study, scenario), study.scenario[scenario]
-    all_phases = phases(described)
+    all_phases, floor = phases(described), metric_words.floor
     values = {run.controller: rms_of_trials(metric_words, run, described.trials) for run in runs}
-    charts = [
-        _chart(
-            results,
-            f"RMS of the {metric_words.quantity} in each trial",
-            "RMS",
-            metric_words.unit,
-            runs,
-            values,
-        )
-    ]
-    if metric_words.floor is not None:
-        charts[0] |= {
-            "floor": metric_words.floor,
-            "floor_name": f"floor {metric_words.text(metric_words.floor)}",
-        }
+    title = f"RMS of the {metric_words.quantity} in each trial"
+    first = _chart(results, title, "RMS", metric_words.unit, runs, values)
+    if floor is not None:
+        first = replace(first, floor=floor, floor_name=f"floor {metric_words.text(floor)}")
+    charts = [first]
     for metric in study.metrics_in(scenario):
         if metric.kind in EACH_TRIAL and (metric.kind, metric.signal) != ("rms", metric_words.signal):
             unit, scale = shown_in(study, metric)
@@ -75,14 +76,12 @@ def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
             values = {c: np.asarray(v, dtype=float) / scale for c, v in taken.items() if v is not None}
             title = metric.name.replace("_", " ").capitalize()
             charts.append(_chart(results, title, metric.kind, unit, runs, values))
-    return {
-        "charts": [chart for chart in charts if chart["series"]],
-        "trials": described.trials,
-        "marks": [
-            {"trial": group.start, "name": group.name} for group in groups(all_phases) if group.start > 1
-        ],
-        "zooms": zooms(all_phases),
-    }
+    return Trials(
+        [chart for chart in charts if chart.series],
+        described.trials,
+        [Changed(group.start, group.name) for group in groups(all_phases) if group.start > 1],
+        zooms(all_phases),
+    )
 
 
 def _chart(
@@ -92,21 +91,22 @@ def _chart(
     unit: str,
     runs: Sequence[Run],
     values: Mapping[str, Array | None],
-) -> dict[str, Any]:
+) -> OverTrials:
     series, untold = [], []
     for run in runs:
         x = values.get(run.controller)
         if x is None:
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
-            series.append({"controller": place(results, run), "values": pack(np.log10(x))})
+            decades = np.log10(x)
+        decades[~np.isfinite(decades)] = np.nan
+        series.append(Curve(controller=place(results, run), values=decades))
         for count, what in ((np.sum(x == 0), "at zero"), (np.sum(~np.isfinite(x)), "not finite")):
             if count:
                 count_words = f"{count} trial{'s' if count > 1 else ''} {what}"
                 untold.append(f"{results.study.label(run.controller)}, {count_words}")
     note = f"Not on a logarithmic axis: {'; '.join(untold)}." if untold else ""
-    labels = {"title": title, "x": "trial", "quantity": quantity, "unit": unit}
-    return {**labels, "series": series, "note": note}
+    return OverTrials(title=title, x="trial", quantity=quantity, unit=unit, series=series, note=note)
 
 
 TRIAL_PAGE_POINTS = 900_000  # points of all waveforms of a page, at 2.7 bytes per point
@@ -129,25 +129,25 @@ LINEAR = (
 )
 
 
-def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
+def waveforms(results: TrialResults, runs: Sequence[Run]) -> TrialWaveforms:
     """Panels over the time within a trial, with a series for each controller and chosen trial.
 
-    "note" says which phases are left out.
+    Their note says which phases are left out.
     """
     study, scenario = results.study, runs[0].scenario
     count = study.scenario[scenario].trials
     runs = [run for run in runs if len(run.trace) >= 2 * count and len(run.trace) % count == 0]
     if not runs:
-        return {"panels": [], "phases": [], "note": ""}
+        return TrialWaveforms(panels=[], phases=[], note="")
     together = groups(phases(study.scenario[scenario]))
     every = [phase for group in together for phase in group.drawn]
     shown_phases = every[:MOST_PHASES]
     chosen = [trial for phase in shown_phases for trial in phase.chosen]
     points = max(TRIAL_POINTS_LEAST, TRIAL_PAGE_POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
 
-    def packed(run: Run, signal: str, scale: float, trials: Sequence[int]) -> list[dict[str, Any]]:
+    def thinned(run: Run, signal: str, scale: float, trials: Sequence[int]) -> list[Array]:
         x = _of_trials(run, signal, count)
-        return [pack(thin(x[trial - 1] / scale, points)[0]) for trial in trials]
+        return [thin(x[trial - 1] / scale, points)[0] for trial in trials]
 
     panels = []
     for title, signal, reference, quantity in panels_of(study, scenario):
@@ -155,14 +155,14 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         series = []
         for run in runs:
             if _is_drawn(run, signal, count):
-                values = dict(zip(map(str, chosen), packed(run, signal, scale, chosen), strict=True))
-                series.append({"controller": place(results, run), "trials": values})
+                values = dict(zip(map(str, chosen), thinned(run, signal, scale, chosen), strict=True))
+                series.append(TrialCurves(controller=place(results, run), trials=values))
         if not series:
             continue
         # the reference is the same for all controllers
-        plan = packed(runs[0], reference, scale, [p.start for p in shown_phases]) if reference else []
-        labels = {"title": title, "quantity": quantity, "unit": unit}
-        panels.append({**labels, "references": plan, "series": series})
+        plan = thinned(runs[0], reference, scale, [p.start for p in shown_phases]) if reference else []
+        panel = TrialPanel(title=title, quantity=quantity, unit=unit, references=plan, series=series)
+        panels.append(panel)
     period = runs[0].trace.period
     step = thin(_of_trials(runs[0], "time", count)[0], points)[1] * period
     notes = [
@@ -170,14 +170,14 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     ]
     if len(every) > MOST_PHASES:
         notes.append(f"Of the first {MOST_PHASES} of {len(every)} phases.")
-    return {
-        "x": "time in the trial (s)",
-        "start": (step - period) / 2,
-        "step": step,
-        "phases": [{"name": phase.name, "trials": phase.chosen} for phase in shown_phases],
-        "panels": panels,
-        "note": " ".join(notes),
-    }
+    return TrialWaveforms(
+        panels=panels,
+        phases=[ChosenTrials(phase.name, phase.chosen) for phase in shown_phases],
+        note=" ".join(notes),
+        x="time in the trial (s)",
+        start=(step - period) / 2,
+        step=step,
+    )
 
 
 def panels_of(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None, str]]:
@@ -293,7 +293,7 @@ def first_and_last(phase: Phase) -> list[int]:
     return list(dict.fromkeys((phase.start, phase.stop - 1)))
 
 
-def pictures(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def pictures(results: TrialResults, runs: Sequence[Run]) -> list[OverGrid]:
     """The chart of the best controller's error over the first and the last trial of a phase."""
     judged = case(results, runs)
     if judged is None:
@@ -306,24 +306,24 @@ def pictures(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]
     trials, period = _of_trials(run, signal, count) / judged.metric.scale, run.trace.period
     step = thin(trials[0], TRIAL_POINTS)[1] * period
     return [
-        {
-            "title": f"{error.capitalize()} over one trial, first against last {phase.after}",
-            "x": "time in the trial (s)",
-            "about": "s",
-            "quantity": error,
-            "unit": judged.metric.unit,
-            "start": (step - period) / 2,
-            "step": step,
-            "series": [
-                {
-                    "controller": place(results, run),
-                    "label": f"trial {trial}",
-                    "fade": 0.45 if trial < chosen[-1] else 1.0,
-                    "values": pack(thin(trials[trial - 1], TRIAL_POINTS)[0]),
-                }
+        OverGrid(
+            title=f"{error.capitalize()} over one trial, first against last {phase.after}",
+            x="time in the trial (s)",
+            x_unit="s",
+            quantity=error,
+            unit=judged.metric.unit,
+            start=(step - period) / 2,
+            step=step,
+            series=[
+                Curve(
+                    controller=place(results, run),
+                    label=f"trial {trial}",
+                    fade=0.45 if trial < chosen[-1] else 1.0,
+                    values=thin(trials[trial - 1], TRIAL_POINTS)[0],
+                )
                 for trial in chosen
             ],
-        }
+        )
     ]
 
 
@@ -353,13 +353,13 @@ def _worst(lines: Sequence[Line], name: str) -> Line:
     return replace(lines[0], name=name, values=values)
 
 
-def _charts(results: TrialResults, runs: Runs) -> dict[str, Any]:
-    return {
-        "answer": pictures(results, runs),
-        "over_trials": over_trials(results, runs),
-        "waveforms": waveforms(results, runs),
-        "certificate": trial_certificate.curves(results, runs),
-    }
+def _charts(results: TrialResults, runs: Runs) -> TrialCharts:
+    return TrialCharts(
+        answer=pictures(results, runs),
+        over_trials=over_trials(results, runs),
+        waveforms=waveforms(results, runs),
+        certificate=trial_certificate.curves(results, runs),
+    )
 
 
 def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:

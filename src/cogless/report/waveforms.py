@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from cogless.report.charts import Chart, Curve, Grid, Span, Waveforms, Zoom
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.faults import spans
-from cogless.report.markup import bucket, pack, peaks, place
+from cogless.report.markup import bucket, peaks, place
 from cogless.report.panels import ALL_LEARNED, Panel, errors, in_angle, learned_terms
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
@@ -70,11 +71,11 @@ class View:
     def rows(self, trace: Trace) -> slice:
         return slice(None) if self.span is None else trace.window(*self.span)
 
-    def grid(self, trace: Trace) -> dict[str, float]:
+    def grid(self, trace: Trace) -> Grid:
         """Start and step of the view's points, s. A thinned value is at the middle time of its rows."""
         time = trace.time[self.rows(trace)]
         step = (bucket(len(time), self.points) / 2 or 1.0) * trace.period
-        return {"start": float(time[0]) + (step - trace.period) / 2, "step": step}
+        return Grid(float(time[0]) + (step - trace.period) / 2, step)
 
     def thinned(self, trace: Trace, values: Callable[[slice], Array]) -> Array:
         """The view's points of what `values` gives for rows of the trace; a long trace is read in pieces."""
@@ -86,10 +87,10 @@ class View:
         return np.concatenate([peaks(values(rows), size) for rows in pieces])
 
 
-def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
+def waveforms(results: Results, runs: Sequence[Run]) -> Waveforms:
     """Panels over the whole run, with finer points to zoom in at faults and over the last revolutions."""
     if not runs:
-        return {"panels": []}
+        return Waveforms([])
     spatial = any(in_angle(results, run) for run in runs)
     needed = spatial and needed_current(results, runs[0]) is not None
     legend = "; dashed: the current that the motion needs" if needed else ""
@@ -125,17 +126,17 @@ def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> 
     return views
 
 
-def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def zooms(results: Results, runs: Sequence[Run]) -> list[Zoom]:
     """Buttons above the waveforms: whole run, after the start-up, last revolutions, faults, events.
 
-    "first" marks the one that is shown first: the first fault, or the last revolution where nothing changes.
+    The first fault is shown first, or the last revolution where nothing changes.
     """
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
-    buttons: list[dict[str, Any]] = []
+    buttons: list[Zoom] = []
 
-    def add(name: str, since: float, until: float) -> None:
-        buttons.append({"name": name, "from": max(start, since), "to": min(end, until)})
+    def add(name: str, since: float, until: float, first: bool = False) -> None:
+        buttons.append(Zoom(name, max(start, since), min(end, until), first))
 
     changes = [e.time for e in results.study.scenario[runs[0].scenario].events if e.time < end]
     broken = spans(results, runs, start, end)
@@ -146,13 +147,9 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     for name, count in (("last two revolutions", TURNS_READABLE), ("last revolution", 1)):
         since = _since(runs[0].trace, count)
         if since is not None:
-            add(name, since, end)
-    if not broken and not changes and buttons[-1]["name"] == "last revolution":
-        buttons[-1]["first"] = True
+            add(name, since, end, first=count == 1 and not broken and not changes)
     for fault, since, until in broken[:FAULT_BUTTONS]:
-        add(f"fault at {fault.time:g} s", since, until)
-        if fault is broken[0][0]:
-            buttons[-1]["first"] = True
+        add(f"fault at {fault.time:g} s", since, until, first=fault is broken[0][0])
     laws = [in_angle(results, run) for run in runs]
     for begun in sorted({law.learns_from for law in laws if law and 0 < law.learns_from < end}):
         add(f"learning begins at {begun:g} s", begun - 2, begun + 5)
@@ -162,10 +159,10 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     return buttons
 
 
-def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Marks of the faults: start and end, s, and a label."""
+def marks(results: Results, runs: Sequence[Run]) -> list[Span]:
+    """Marks of the faults."""
     return [
-        {"from": fault.time, "to": fault.end, "label": " and ".join(fault.words)}
+        Span(fault.time, fault.end, " and ".join(fault.words))
         for fault in faults_in(results.study, runs[0].scenario)
     ]
 
@@ -198,7 +195,7 @@ def _started(runs: Sequence[Run], until: float) -> float:
     return float(runs[0].trace.time[max((int(rows[-1]) for rows in last if len(rows)), default=0)])
 
 
-def events(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+def events(results: Results, runs: Sequence[Run]) -> list[Waveforms]:
     """Charts of speed and current reference around each event."""
     changes = results.study.scenario[runs[0].scenario].events
     last = float(runs[0].trace.time[-1])
@@ -214,46 +211,42 @@ def events(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         span = (max(0.0, event.time + before), min(event.time + after, end))
         if span[1] - event.time > 10 * runs[0].trace.period:
             chart = _times(results, runs, panels, [View(span, EVENT_POINTS)])
-            start = chart["start"] - event.time
-            charts.append({**chart, "start": start, "x": "time since the event (s)"})
+            start = chart.start - event.time
+            charts.append(replace(chart, start=start, x="time since the event (s)"))
     return charts
 
 
 def _times(
     results: Results, runs: Sequence[Run], panels: Sequence[Panel], views: Sequence[View]
-) -> dict[str, Any]:
+) -> Waveforms:
     """The panels' series over time, each with the points of all views."""
     drawn = [
-        {"title": panel.title, "quantity": panel.quantity, "unit": pretty(panel.unit), "series": series}
+        Chart(title=panel.title, quantity=panel.quantity, unit=pretty(panel.unit), series=series)
         for panel in panels
         if (series := _series(results, runs, panel, views))
     ]
     whole, *details = [view.grid(runs[0].trace) for view in views]
-    return {"panels": drawn, "x": "time (s)", **whole, "details": details}
+    return Waveforms(drawn, "time (s)", whole.start, whole.step, details)
 
 
-def _series(
-    results: Results, runs: Sequence[Run], panel: Panel, views: Sequence[View]
-) -> list[dict[str, Any]]:
+def _series(results: Results, runs: Sequence[Run], panel: Panel, views: Sequence[View]) -> list[Curve]:
     """A panel's signal of each run; also the speed's reference, and for laws in angle the needed current."""
-    drawn: list[tuple[float, dict[str, Any]]] = []
-    on_top = -math.inf
+    drawn: list[Curve] = []
     for run in runs:
         names = learned_terms(results, run) if panel.signal == ALL_LEARNED else [panel.signal]
         if not names or names[0] not in run.trace:
             continue
         if panel.signal == "omega_m" and not drawn:
-            points = _thinned(run.trace, _total(run.trace, ["omega_ref"], panel.scale), views)
-            drawn.append((on_top, {"dash": True, **_packed(points)}))
+            reference = _total(run.trace, ["omega_ref"], panel.scale)
+            drawn.append(_curve(run.trace, reference, views, dash=True))
         if panel.signal == ALL_LEARNED and not drawn and in_angle(results, run):
             needed = needed_current(results, run)
             if needed is not None:
-                points = _thinned(run.trace, needed, views)
-                drawn.append((on_top, {"dash": True, "label": "needed", **_packed(points)}))
-        points = _thinned(run.trace, _total(run.trace, names, panel.scale), views)
-        drawn.append((_spread(points[0]), {"controller": place(results, run), **_packed(points)}))
-    # The series with the largest spread is drawn first, so that it doesn't hide the others.
-    return [series for _, series in sorted(drawn, key=lambda pair: -pair[0])]
+                drawn.append(_curve(run.trace, needed, views, dash=True, label="needed"))
+        values = _total(run.trace, names, panel.scale)
+        drawn.append(_curve(run.trace, values, views, controller=place(results, run)))
+    # The series with the largest spread is drawn first, so that it doesn't hide the others; references last.
+    return sorted(drawn, key=lambda one: math.inf if one.dash else -_spread(one.values))
 
 
 def _total(trace: Trace, names: Sequence[str], scale: float) -> Callable[[slice], Array]:
@@ -265,13 +258,9 @@ def _total(trace: Trace, names: Sequence[str], scale: float) -> Callable[[slice]
     return total
 
 
-def _thinned(trace: Trace, values: Callable[[slice], Array], views: Sequence[View]) -> list[Array]:
-    return [view.thinned(trace, values) for view in views]
-
-
-def _packed(points: Sequence[Array]) -> dict[str, Any]:
-    whole, *details = map(pack, points)
-    return {"values": whole, "details": details}
+def _curve(trace: Trace, values: Callable[[slice], Array], views: Sequence[View], **looks: Any) -> Curve:
+    whole, *details = [view.thinned(trace, values) for view in views]
+    return Curve(values=whole, details=details, **looks)
 
 
 def _spread(x: Array) -> float:
