@@ -17,10 +17,10 @@ static void draw(cgl_real ts)
     change(&config);
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
     (void)cell;
-    (void)length;
+    (void)entries;
     return cgl_adrc_init(&law, &config, loop);
 }
 

@@ -32,9 +32,9 @@ static void spoil(void *of)
     other->lead = random_real(CGL_R(1.0));
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
-    const cgl_error error = cgl_anti_cogging_init(&law, &config, loop, cell, length);
+    const cgl_error error = cgl_anti_cogging_init(&law, &config, loop, cell, entries);
     if (error == CGL_OK) { /* a reset keeps what a calibration left */
         check_entries(cell, config.cells, CGL_R(0.0));
         CHECK(within(law.friction, CGL_R(0.0)));
@@ -77,5 +77,6 @@ static void check_reset(void)
 }
 
 const law_harness harness_anti_cogging = {
-    HARNESS_BEGIN(anti_cogging, 0x71ffee82U, 0x1e41acebU), .length = length, .learned = learned, .spoil = spoil, .call = call, .input = next_input,
-    .steps = 1200, .keeps_learned = true, .kept = offsetof(cgl_anti_cogging, friction), .kept_end = offsetof(cgl_anti_cogging, place)};
+    HARNESS_BEGIN(anti_cogging, 0x71ffee82U, 0x1e41acebU), .length = length, .learned = learned, .spoil = spoil, .call = call,
+    .input = next_input, .steps = 1200, .keeps_learned = true,
+    .kept = offsetof(cgl_anti_cogging, friction), .kept_end = offsetof(cgl_anti_cogging, place)};

@@ -39,9 +39,9 @@ static void change(void *of)
     other->fast = random_below(config.orders + 1U);
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
-    return cgl_harmonic_init(&law, &config, loop, cell, length);
+    return cgl_harmonic_init(&law, &config, loop, cell, entries);
 }
 
 static cgl_error retune(const void *other) { return cgl_harmonic_retune(&law, other); }
@@ -97,4 +97,5 @@ static void check_reset(void)
     check_entries(law.cosine, learned(), CGL_R(0.0));
 }
 
-const law_harness harness_harmonic = {HARNESS_BEGIN(harmonic, 0x61e4fba4U, 0xdfc288b8U), .length = length, .learned = learned, .input = input};
+const law_harness harness_harmonic = {HARNESS_BEGIN(harmonic, 0x61e4fba4U, 0xdfc288b8U), .length = length, .learned = learned,
+                                      .input = input};

@@ -137,25 +137,25 @@ const cgl_loop *any_loop(cgl_real ts)
     return &loop;
 }
 
-static uint32_t length_of(const law_harness *harness)
-{
-    return harness->length != NULL ? harness->length() : 0U;
-}
-
 bool begin_law(const law_harness *harness)
 {
     const cgl_real ts = random_gain(CGL_R(1.0e-3));
     give_back();
     harness->draw(ts);
-    cells = length_of(harness);
+    cells = harness->length != NULL ? harness->length() : 0U;
     CHECK(cells <= ENTRIES_MAX);
     cell = borrow(cells);
     return harness->init(any_loop(ts), cell, cells) == CGL_OK;
 }
 
+static uint32_t learned_entries(const law_harness *harness)
+{
+    return harness->learned != NULL ? harness->learned() : 0U;
+}
+
 /* What a law says of its learning against what it wrote. */
 static void check_learning(const law_harness *harness, const cgl_law_input *in, const cgl_law_output *out, const cgl_memory *old,
-                           const cgl_real *before)
+                           const cgl_real *before, uint32_t learned)
 {
     const bool frozen = (out->status & (unsigned)CGL_STATUS_FROZEN) != 0U;
     const bool fault = (out->status & (unsigned)CGL_STATUS_FAULT) != 0U;
@@ -163,8 +163,8 @@ static void check_learning(const law_harness *harness, const cgl_law_input *in, 
     if (harness->memory != NULL) {
         CHECK(frozen == !harness->memory->learning && (frozen || in->forget || !fault)); /* to forget, no speed is needed */
         check_writing(harness->memory, old, before);
-    } else if (harness->learned != NULL && (cgl_law_stands_by(in) || (frozen && !in->forget))) {
-        CHECK(memcmp(before, cell, harness->learned() * sizeof before[0]) == 0);
+    } else if (learned == learned_entries(harness) && (cgl_law_stands_by(in) || (frozen && !in->forget))) {
+        CHECK(memcmp(before, cell, learned * sizeof before[0]) == 0);
     }
 }
 
@@ -172,6 +172,7 @@ void step_law(const law_harness *harness, const cgl_law_input *in, cgl_law_outpu
 {
     static cgl_real before[ENTRIES_MAX];
     static cgl_memory old;
+    const uint32_t learned = learned_entries(harness);
     memcpy(before, cell, cells * sizeof before[0]);
     if (harness->memory != NULL) {
         old = *harness->memory;
@@ -183,7 +184,7 @@ void step_law(const law_harness *harness, const cgl_law_input *in, cgl_law_outpu
     CHECK(((out->status & (unsigned)CGL_STATUS_OFF) != 0U) == in->off);
     CHECK(!in->off || (within(out->i_q_ref, CGL_R(0.0)) && (out->status & off) == off));
     CHECK(within(out->i_q_ref, harness->limit()));
-    check_learning(harness, in, out, &old, before);
+    check_learning(harness, in, out, &old, before, learned);
 }
 
 void reset_law(const law_harness *harness)
@@ -211,7 +212,7 @@ void retune_law(const law_harness *harness)
     } else {
         check_bytes(harness->state, old, 0U, harness->state_size);
     }
-    CHECK(harness->memory == NULL || is_in_full(&harness->memory->config, *harness->cells));
+    CHECK(harness->memory == NULL || is_in_full(&harness->memory->config, *harness->memory_config));
     free(other);
     free(old);
 }
@@ -229,7 +230,7 @@ static void check_gentle(const law_harness *harness)
     CHECK(within(harness->memory->gain - gain, CGL_R(0.0)));
 }
 
-/* What the guard asked of a law before its reset ends with the next step. */
+/* What the guard asked for before a reset ends with the next step. */
 static void settle(const law_harness *harness)
 {
     const cgl_law_input in = ordinary_input(0);

@@ -17,28 +17,29 @@
 
 typedef struct {
     const char *name;
-    uint32_t in_float, in_double; /* checksums of random_inputs.c, which prints new ones where arithmetic changes */
-    void *state, *config;         /* the law, and the config that it has */
+    uint32_t in_float, in_double;   /* checksums of random_inputs.c, which prints new ones where the arithmetic changes */
+    void *state, *config;           /* the law, and the config that it has */
     size_t state_size, config_size;
-    void (*draw)(cgl_real ts);    /* another config, which init may refuse */
-    void (*change)(void *config); /* changes of a config that retune takes, and seldom one that it refuses */
-    void (*spoil)(void *config);  /* any bits in fields on which the memory's length depends; NULL: it has none */
-    uint32_t (*length)(void);     /* entries of the caller's memory; NULL: it has none */
+    void (*draw)(cgl_real ts);      /* draws this config, which init may refuse */
+    void (*change)(void *config);   /* draws what a retune changes, and seldom what it refuses */
+    void (*spoil)(void *config);    /* draws any bits for what the length depends on; NULL: nothing else than `draw` does */
+    uint32_t (*length)(void);       /* number of entries of the caller's memory; NULL: there is none */
     cgl_error (*init)(const cgl_loop *loop, cgl_real *cell, uint32_t length);
     cgl_error (*retune)(const void *config);
     void (*reset)(void);
-    void (*step)(const cgl_law_input *in, cgl_law_output *out); /* and what this law's state must be then */
-    void (*call)(void);                                         /* what else a firmware calls, at random; NULL: nothing */
-    void (*check_reset)(void);                                  /* what has not begun is 0 */
-    cgl_real (*limit)(void);                                    /* of the output */
-    uint32_t (*learned)(void);        /* so many entries stay while it is frozen; NULL: none */
-    const cgl_memory *memory;         /* that it learns in, with the config's; NULL: it has none */
-    const cgl_memory_config *cells;
-    size_t kept, kept_end;            /* bytes of the state that a reset keeps, or that are padding */
-    bool keeps_learned;               /* a reset keeps what is learned */
-    void (*input)(cgl_law_input *in, int step); /* draws inputs in which it learns, for random_inputs.c */
-    int steps;                                  /* of these; 0: as usual */
-    void (*course)(void);                       /* steps and calls in an order of its own, in place of them; NULL: none */
+    void (*check_reset)(void);      /* checks that what has not begun is 0 */
+    void (*step)(const cgl_law_input *in, cgl_law_output *out); /* steps the law, and checks its state */
+    cgl_real (*limit)(void);        /* of the output */
+    uint32_t (*learned)(void);      /* number of entries that stay while the law is frozen; NULL: none, or those of `memory` */
+    const cgl_memory *memory;       /* what the law learns in, if that is a cgl_memory; else NULL */
+    const cgl_memory_config *memory_config;
+    size_t kept, kept_end;          /* the state's bytes that a reset keeps, or that are padding */
+    bool keeps_learned;             /* a reset keeps what is learned */
+    void (*call)(void);             /* what else a firmware calls, drawn; NULL: nothing */
+    /* only for random_inputs.c, whose generator can wait until a law learns */
+    void (*input)(cgl_law_input *in, int step); /* draws inputs in which the law learns */
+    int steps;                                  /* number of these; 0: the usual number */
+    void (*course)(void);                       /* steps and calls in an order of their own, in place of `input`; NULL: none */
 } law_harness;
 
 /* The members that each harness has of its static `law` and `config`, and of functions that have the members' names. */
@@ -46,7 +47,7 @@ typedef struct {
     .name = #stem, .in_float = (float_sum), .in_double = (double_sum), .state = &law, .config = &config,               \
     .state_size = sizeof law, .config_size = sizeof config, .draw = draw, .change = change, .init = init,              \
     .retune = retune, .reset = reset, .step = step, .check_reset = check_reset, .limit = limit
-#define HARNESS_MEMORY .length = length, .memory = &law.memory, .cells = &config.memory
+#define HARNESS_MEMORY .length = length, .memory = &law.memory, .memory_config = &config.memory
 
 #define CGL_LAW_WITHOUT_MEMORY(name, stem, header, step) extern const law_harness harness_##stem;
 #include "cogless/laws.def" /* the header of each law, too */

@@ -11,10 +11,10 @@ static void draw(cgl_real ts)
 
 static void change(void *other) { *(cgl_pi_config *)other = random_pi(); }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
     (void)cell;
-    (void)length;
+    (void)entries;
     return cgl_pi_init(&law, &config, loop);
 }
 

@@ -34,9 +34,9 @@ static void spoil(void *of)
     *(random_below(2) ? &other->orders : &other->order[random_below(CGL_PI_AFC_ORDERS)]) = random_word();
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
-    return cgl_pi_afc_init(&law, &config, loop, cell, length);
+    return cgl_pi_afc_init(&law, &config, loop, cell, entries);
 }
 
 static cgl_error retune(const void *other) { return cgl_pi_afc_retune(&law, other); }

@@ -19,9 +19,9 @@ static void change(void *of)
     other->memory = another_memory(&config.memory);
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
-    return cgl_pi_ilc_init(&law, &config, loop, cell, length);
+    return cgl_pi_ilc_init(&law, &config, loop, cell, entries);
 }
 
 static cgl_error retune(const void *other) { return cgl_pi_ilc_retune(&law, other); }

@@ -29,9 +29,9 @@ static void change(void *of)
     other->memory = another_memory(&config.memory);
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
-    return cgl_robust_ilc_init(&law, &config, loop, cell, length);
+    return cgl_robust_ilc_init(&law, &config, loop, cell, entries);
 }
 
 static cgl_error retune(const void *other) { return cgl_robust_ilc_retune(&law, other); }

@@ -34,9 +34,9 @@ static void change(void *of)
     other->memory = another_memory(&config.memory);
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
-    return cgl_space_position_init(&law, &config, loop, cell, length);
+    return cgl_space_position_init(&law, &config, loop, cell, entries);
 }
 
 static cgl_error retune(const void *other) { return cgl_space_position_retune(&law, other); }
@@ -61,4 +61,5 @@ static void check_reset(void)
     CHECK_ZEROS(space_position, &law, learning_samples, terms);
 }
 
-const law_harness harness_space_position = {HARNESS_BEGIN(space_position, 0x5babfaf8U, 0xaae708ddU), HARNESS_MEMORY, .input = next_position_input};
+const law_harness harness_space_position = {HARNESS_BEGIN(space_position, 0x5babfaf8U, 0xaae708ddU), HARNESS_MEMORY,
+                                            .input = next_position_input};

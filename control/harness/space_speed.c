@@ -26,9 +26,9 @@ static void change(void *of)
     other->memory = another_memory(&config.memory);
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
-    return cgl_space_speed_init(&law, &config, loop, cell, length);
+    return cgl_space_speed_init(&law, &config, loop, cell, entries);
 }
 
 static cgl_error retune(const void *other) { return cgl_space_speed_retune(&law, other); }
@@ -52,4 +52,5 @@ static void check_reset(void)
     CHECK_ZEROS(space_speed, &law, terms, terms);
 }
 
-const law_harness harness_space_speed = {HARNESS_BEGIN(space_speed, 0x940b4829U, 0x01936e16U), HARNESS_MEMORY, .input = next_position_input};
+const law_harness harness_space_speed = {HARNESS_BEGIN(space_speed, 0x940b4829U, 0x01936e16U), HARNESS_MEMORY,
+                                         .input = next_position_input};

@@ -123,10 +123,10 @@ static void spoil(void *of)
     *(random_below(2) ? &other->states : &other->q_filter.order) = random_word();
 }
 
-static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t length)
+static cgl_error init(const cgl_loop *loop, cgl_real *cell, uint32_t entries)
 {
     (void)loop;
-    return cgl_trial_init(&law, &config, cell, length);
+    return cgl_trial_init(&law, &config, cell, entries);
 }
 
 static cgl_error retune(const void *other) { return cgl_trial_retune(&law, other); }
