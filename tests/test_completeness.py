@@ -71,9 +71,8 @@ def missing(law: CLaw) -> list[str]:
         f"control/src/cogless/map.h: {law.map}": law.cells is None or law.map in map_of,
         f"tests/reference/: class {class_name}": re.search(rf"^class {class_name}\b", reference, re.M)
         is not None,
-        f"control/tests/random_inputs.c: {init}": init in text(CONTROL / "tests" / "random_inputs.c"),
+        f"control/harness/{stem}.c: {init}": init in text(CONTROL / "harness" / f"{stem}.c"),
         f"control/proof/{stem}.c: {init}": init in text(CONTROL / "proof" / f"{stem}.c"),
-        f"control/fuzz/law_{stem}.c: {init}": init in text(CONTROL / "fuzz" / f"law_{stem}.c"),
         f'tests/laws.py: a row "{law.name}"': row is not None,
         f'tests/laws.py: its keys and a running config in the row "{law.name}"': (
             row is not None and (law.name == OF_TRIALS or bool(row.keys and row.running))
@@ -97,10 +96,11 @@ def test_a_law_has_all_that_belongs_to_one(name: str) -> None:
 
 
 def test_what_is_no_law_of_a_drive_is_fuzzed_too() -> None:
-    """run.sh builds each harness: those of laws of drives by their names, the others by a line."""
+    """run.sh builds each target: those of laws of drives by their harnesses, the others by a line."""
     run, own = text(CONTROL / "fuzz" / "run.sh"), {"map_store", "microstepping"}
-    harnesses = {path.stem for path in (CONTROL / "fuzz").glob("*.c")}
-    assert {stem for stem in harnesses if not stem.startswith("law_")} == own | {"controller"}
+    assert {path.stem for path in (CONTROL / "fuzz").glob("*.c")} == own | {"controller", "feed"}
+    laws = {path.stem for path in (CONTROL / "harness").glob("*.c")} - {"harness"}
+    assert laws == {law.stem for law in C_LAWS.values()} and "for law in control/harness/*.c; do" in run
     names = re.findall(r'^names="(.*)"$', run, re.MULTILINE)[0].split()
     for stem in own:
         assert re.search(rf'^build {stem} .*"\$here/{stem}\.c"$', run, re.MULTILINE) and stem in names
@@ -110,7 +110,7 @@ def test_what_is_no_law_of_a_drive_is_fuzzed_too() -> None:
 
 def test_what_is_missing_is_named() -> None:
     lacks = missing(CLaw("none", "none", "none.h", "cgl_none_step", "cell", "4U", ()))
-    assert len(lacks) == 17 and "docs/laws/none.md" in lacks
+    assert len(lacks) == 16 and "docs/laws/none.md" in lacks
 
 
 @pytest.mark.parametrize(

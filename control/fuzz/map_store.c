@@ -1,12 +1,13 @@
 /* The map loader: two slots of any bytes, or of a saved map in which any bytes are changed, and power that fails at any
  * write. A load gives every entry within its limit or leaves the map as it was. */
 #include "cogless/map_store.h"
+
+#include <stdlib.h>
+
 #include "feed.h"
 
 #define SLOT 256U
 #define CELLS 24U
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static uint8_t slots[2][SLOT];
 static uint32_t power; /* bytes that are still written */
@@ -14,7 +15,7 @@ static uint32_t power; /* bytes that are still written */
 static cgl_flash_result erase(void *context, uint32_t slot)
 {
     (void)context;
-    HOLDS(slot < 2U);
+    CHECK(slot < 2U);
     if (power == 0U) {
         return CGL_FLASH_FAILED;
     }
@@ -25,7 +26,7 @@ static cgl_flash_result erase(void *context, uint32_t slot)
 static cgl_flash_result write(void *context, uint32_t slot, uint32_t offset, const uint8_t *bytes, uint32_t count)
 {
     (void)context;
-    HOLDS(slot < 2U && offset <= SLOT && count <= SLOT - offset);
+    CHECK(slot < 2U && offset <= SLOT && count <= SLOT - offset);
     const uint32_t done = count < power ? count : power;
     memcpy(slots[slot] + offset, bytes, done);
     power -= done;
@@ -35,33 +36,33 @@ static cgl_flash_result write(void *context, uint32_t slot, uint32_t offset, con
 static cgl_flash_result read(void *context, uint32_t slot, uint32_t offset, uint8_t *bytes, uint32_t count)
 {
     (void)context;
-    HOLDS(slot < 2U && offset <= SLOT && count <= SLOT - offset);
+    CHECK(slot < 2U && offset <= SLOT && count <= SLOT - offset);
     memcpy(bytes, slots[slot] + offset, count);
     return CGL_FLASH_DONE;
 }
 
-static cgl_map feed_map(feed *from, cgl_real *entry)
+static cgl_map random_map(cgl_real *entry)
 {
     cgl_map map;
     memset(&map, 0, sizeof map);
     map.entry = entry;
-    map.channels = 1U + feed_below(from, 4U);
-    map.cells = 1U + feed_below(from, CELLS / (map.channels < 3U ? map.channels : 3U));
+    map.channels = 1U + random_below(4U);
+    map.cells = 1U + random_below(CELLS / (map.channels < 3U ? map.channels : 3U));
     map.stride = map.cells;
-    map.turns = map.parts = feed_below(from, 4U);
-    map.ratio = 1U + feed_below(from, 3U);
-    map.law = feed_bits(from, 1U);
+    map.turns = map.parts = random_below(4U);
+    map.ratio = 1U + random_below(3U);
+    map.law = random_below(256U);
     for (uint32_t c = 0; c < CGL_MAP_CHANNELS; ++c) {
-        map.unit[c] = feed_below(from, 8U);
-        map.limit[c] = feed_gain(from, CGL_R(5.0));
+        map.unit[c] = random_below(8U);
+        map.limit[c] = random_gain(CGL_R(5.0));
     }
     return map;
 }
 
-static void fill(feed *from, const cgl_map *map)
+static void fill(const cgl_map *map)
 {
     for (uint32_t n = 0; n < map->channels * map->cells; ++n) {
-        map->entry[n] = n % 4U == 0U ? feed_real(from, CGL_R(5.0)) : CGL_R(0.5);
+        map->entry[n] = n % 4U == 0U ? random_real(CGL_R(5.0)) : CGL_R(0.5);
     }
 }
 
@@ -69,7 +70,7 @@ static void save(cgl_map_store *store, const cgl_map *map)
 {
     if (cgl_map_store_begin(store, map) == CGL_MAP_OK) {
         for (uint32_t step = 0; cgl_map_store_step(store) == CGL_MAP_BUSY; ++step) {
-            HOLDS(step < 10000U);
+            CHECK(step < 10000U);
         }
     }
 }
@@ -82,47 +83,47 @@ static cgl_map_result load(cgl_map_store *store, const cgl_map *map)
     const cgl_map_result result = cgl_map_store_load(store, map);
     if (result == CGL_MAP_OK) {
         for (uint32_t n = 0; n < map->channels * map->cells; ++n) {
-            HOLDS(within(map->entry[n], map->limit[n / map->cells]));
+            CHECK(within(map->entry[n], map->limit[n / map->cells]));
         }
     } else {
-        HOLDS(memcmp(before, map->entry, CELLS * sizeof before[0]) == 0);
+        CHECK(memcmp(before, map->entry, CELLS * sizeof before[0]) == 0);
     }
     return result;
 }
 
-static void spoil(feed *from)
+static void spoil(void)
 {
-    while (fed(from) && feed_bits(from, 1U) < 200U) {
-        slots[feed_below(from, 2U)][feed_below(from, SLOT)] ^= (uint8_t)feed_bits(from, 1U);
+    while (fed() && random_below(256U) < 200U) {
+        slots[random_below(2U)][random_below(SLOT)] ^= (uint8_t)random_below(256U);
     }
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    feed from = {data, size};
+    feed(data, size);
     uint8_t buffer[64];
     cgl_real entry[CELLS];
     cgl_map_store store;
     memset(entry, 0, sizeof entry);
-    cgl_map_store_config config = {0, erase, write, read, SLOT, 1U << feed_below(&from, 10U), feed_below(&from, 3U), feed_below(&from, 2U)};
-    const uint32_t length = feed_below(&from, sizeof buffer + 1U);
+    cgl_map_store_config config = {0, erase, write, read, SLOT, 1U << random_below(10U), random_below(3U), random_below(2U)};
+    const uint32_t length = random_below(sizeof buffer + 1U);
     uint8_t *lent = malloc(length + 1U); /* of just this length, for the address sanitizer */
-    const cgl_map map = feed_map(&from, entry);
+    const cgl_map map = random_map(entry);
     memset(slots, 0xFF, sizeof slots);
     if (cgl_map_store_init(&store, &config, lent + 1U, length) == CGL_OK) {
-        if (feed_bool(&from) && cgl_map_is_valid(&map)) {
-            for (uint32_t saves = feed_below(&from, 3U) + 1U; saves > 0U; --saves) {
-                fill(&from, &map);
-                power = feed_bool(&from) ? 0xFFFFFFFFU : feed_below(&from, 600U);
+        if (random_below(2U) != 0U && cgl_map_is_valid(&map)) {
+            for (uint32_t saves = random_below(3U) + 1U; saves > 0U; --saves) {
+                fill(&map);
+                power = random_below(2U) ? 0xFFFFFFFFU : random_below(600U);
                 save(&store, &map);
             }
         } else {
             for (uint32_t n = 0; n < SLOT; ++n) {
-                slots[0][n] = (uint8_t)feed_bits(&from, 1U);
+                slots[0][n] = (uint8_t)random_below(256U);
             }
         }
-        spoil(&from);
-        store.config.motor += feed_below(&from, 16U) ? 0U : 1U;
+        spoil();
+        store.config.motor += random_below(16U) ? 0U : 1U;
         load(&store, &map);
     }
     free(lent);

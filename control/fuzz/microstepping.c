@@ -6,28 +6,26 @@
 
 #define SWEEP_STEPS 128U /* of a turn: few, so that the command moves by less than half a turn in each, whatever the correction */
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void feed_waves(feed *from, cgl_microstepping_wave wave[CGL_MICROSTEPPING_WAVES])
+static void random_waves(cgl_microstepping_wave wave[CGL_MICROSTEPPING_WAVES])
 {
-    for (uint32_t k = feed_below(from, CGL_MICROSTEPPING_WAVES + 1U); k > 0U; --k) {
-        const uint32_t order = feed_below(from, 8U) ? 1U + feed_below(from, 12U) : feed_bits(from, 4U);
+    for (uint32_t k = random_below(CGL_MICROSTEPPING_WAVES + 1U); k > 0U; --k) {
+        const uint32_t order = random_below(8U) ? 1U + random_below(12U) : random_bits();
         wave[k - 1U].order = order;
-        wave[k - 1U].magnitude = feed_below(from, 8U) ? cgl_abs(feed_real(from, CGL_R(0.5) / ((cgl_real)order + CGL_R(1.0))))
-                                                      : feed_real(from, CGL_R(1.0));
-        wave[k - 1U].phase = feed_real(from, CGL_R(7.0));
+        wave[k - 1U].magnitude = random_below(8U) ? cgl_abs(random_real(CGL_R(0.5) / ((cgl_real)order + CGL_R(1.0))))
+                                                      : random_real(CGL_R(1.0));
+        wave[k - 1U].phase = random_real(CGL_R(7.0));
     }
 }
 
-static cgl_microstepping_config feed_config(feed *from)
+static cgl_microstepping_config random_config(void)
 {
     cgl_microstepping_config config;
     memset(&config, 0, sizeof config);
-    config.teeth = feed_below(from, 8U) ? 1U + feed_below(from, 65535U) : feed_bits(from, 4U);
-    config.current = feed_below(from, 8U) ? feed_gain(from, CGL_R(3.0)) : feed_real(from, CGL_R(3.0));
-    config.microsteps = feed_below(from, 8U) ? 1U << feed_below(from, 12U) : feed_bits(from, 2U);
-    feed_waves(from, config.forward);
-    feed_waves(from, config.backward);
+    config.teeth = random_below(8U) ? 1U + random_below(65535U) : random_bits();
+    config.current = random_below(8U) ? random_gain(CGL_R(3.0)) : random_real(CGL_R(3.0));
+    config.microsteps = random_below(8U) ? 1U << random_below(12U) : random_below(65536U);
+    random_waves(config.forward);
+    random_waves(config.backward);
     return config;
 }
 
@@ -40,23 +38,23 @@ static void check_rise(cgl_microstepping_config config, cgl_real omega_ref)
     int64_t turned = 0, most = 0;
     config.teeth = 1U;
     config.microsteps = CGL_MICROSTEPS_MAX;
-    HOLDS(cgl_microstepping_init(&motor, &config) == CGL_OK);
+    CHECK(cgl_microstepping_init(&motor, &config) == CGL_OK);
     cgl_microstepping_step(&motor, CGL_R(0.0), omega_ref, &out);
     for (uint32_t n = 1U; n <= SWEEP_STEPS; ++n) {
         const uint32_t before = motor.command;
         cgl_microstepping_step(&motor, (cgl_real)n * (CGL_TWO_PI / (cgl_real)SWEEP_STEPS), omega_ref, &out);
         turned += (int32_t)(motor.command - before);
-        HOLDS(turned >= most - (int64_t)motor.microstep);
+        CHECK(turned >= most - (int64_t)motor.microstep);
         most = turned > most ? turned : most;
     }
-    HOLDS(turned > INT64_C(0xFFFFFFFF) - 2 * (int64_t)motor.microstep); /* a whole turn, where it began */
+    CHECK(turned > INT64_C(0xFFFFFFFF) - 2 * (int64_t)motor.microstep); /* a whole turn, where it began */
 }
 
-static bool tune(feed *from, cgl_microstepping *motor, cgl_error (*with)(cgl_microstepping *, const cgl_microstepping_config *))
+static bool tune(cgl_microstepping *motor, cgl_error (*with)(cgl_microstepping *, const cgl_microstepping_config *))
 {
-    const cgl_microstepping_config config = feed_config(from);
+    const cgl_microstepping_config config = random_config();
     const bool good = cgl_microstepping_bad_field(&config) == 0;
-    HOLDS(with(motor, &config) == (good ? CGL_OK : CGL_ERROR_CONFIG));
+    CHECK(with(motor, &config) == (good ? CGL_OK : CGL_ERROR_CONFIG));
     if (good) {
         check_rise(config, CGL_R(1.0));
         check_rise(config, -CGL_R(1.0));
@@ -71,40 +69,40 @@ static void step(cgl_microstepping *motor, bool ready, cgl_real theta_ref, cgl_r
     cgl_microstepping_output out;
     cgl_microstepping_step(motor, theta_ref, omega_ref, &out);
     if (!ready) {
-        HOLDS(within(out.i_a, CGL_R(0.0)) && within(out.i_b, CGL_R(0.0)));
-        HOLDS(out.status == ((unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_OFF));
+        CHECK(within(out.i_a, CGL_R(0.0)) && within(out.i_b, CGL_R(0.0)));
+        CHECK(out.status == ((unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_OFF));
         return;
     }
-    HOLDS(within(out.i_a, motor->config.current) && within(out.i_b, motor->config.current));
-    HOLDS(out.status == (plausible ? 0U : (unsigned)CGL_STATUS_FAULT));
-    HOLDS(motor->backward == (plausible && omega_ref != CGL_R(0.0) ? omega_ref < CGL_R(0.0) : before.backward));
-    HOLDS(plausible ? motor->command % motor->microstep == 0U : motor->command == before.command);
+    CHECK(within(out.i_a, motor->config.current) && within(out.i_b, motor->config.current));
+    CHECK(out.status == (plausible ? 0U : (unsigned)CGL_STATUS_FAULT));
+    CHECK(motor->backward == (plausible && omega_ref != CGL_R(0.0) ? omega_ref < CGL_R(0.0) : before.backward));
+    CHECK(plausible ? motor->command % motor->microstep == 0U : motor->command == before.command);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    feed from = {data, size};
+    feed(data, size);
     cgl_microstepping motor;
     memset(&motor, 0, sizeof motor);
     step(&motor, false, CGL_R(1.0), CGL_R(1.0));
     memset(&motor, 0xFF, sizeof motor);
     step(&motor, false, CGL_R(1.0), CGL_R(1.0));
-    bool ready = tune(&from, &motor, cgl_microstepping_init);
-    while (fed(&from)) {
-        const uint32_t call = feed_bits(&from, 1U);
+    bool ready = tune(&motor, cgl_microstepping_init);
+    while (fed()) {
+        const uint32_t call = random_below(256U);
         if (call < 8U) {
             cgl_microstepping_reset(&motor);
-            HOLDS(motor.command == 0U && !motor.backward);
+            CHECK(motor.command == 0U && !motor.backward);
         } else if (call < 16U) {
             const cgl_microstepping before = motor;
-            if (tune(&from, &motor, cgl_microstepping_retune)) {
+            if (tune(&motor, cgl_microstepping_retune)) {
                 ready = true;
             } else {
-                HOLDS(memcmp(&before, &motor, sizeof motor) == 0);
+                CHECK(memcmp(&before, &motor, sizeof motor) == 0);
             }
         } else {
-            const cgl_real theta_ref = feed_real(&from, CGL_R(7.0));
-            step(&motor, ready, theta_ref, feed_real(&from, CGL_R(10.0)));
+            const cgl_real theta_ref = random_real(CGL_R(7.0));
+            step(&motor, ready, theta_ref, random_real(CGL_R(10.0)));
         }
     }
     return 0;

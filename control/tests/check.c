@@ -21,25 +21,6 @@ int failures(void)
     return failed;
 }
 
-void check_bytes(const void *one, const void *other, size_t first, size_t end)
-{
-    CHECK(memcmp((const char *)one + first, (const char *)other + first, end - first) == 0);
-}
-
-bool within(cgl_real x, cgl_real limit)
-{
-    return x >= -limit && x <= limit; /* false for NaN */
-}
-
-bool are_duties(const cgl_real duty[3])
-{
-    bool all = true;
-    for (int x = 0; x < 3; ++x) {
-        all = all && duty[x] >= CGL_R(0.0) && duty[x] <= CGL_R(1.0);
-    }
-    return all;
-}
-
 uint32_t random_bits(void)
 {
     seed ^= seed << 13; /* xorshift64 */

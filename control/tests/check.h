@@ -1,25 +1,37 @@
-/* Checks and random numbers for the C tests. */
+/* Checks and random numbers for the C tests. fuzz/feed.c has them, too: there the fuzzer's bytes are the random numbers. */
 #ifndef CHECK_H
 #define CHECK_H
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "cogless/real.h"
 
-/* Counts and prints what does not hold, and goes on. */
+/* Counts and prints what does not hold, and goes on. The fuzzer ends there. */
 #define CHECK(condition) check((condition), #condition, __FILE__, __LINE__)
 
 void check(bool holds, const char *condition, const char *file, int line);
 int failures(void);
 
 /* Two states are the same, from byte `first` to the one before `end`. */
-void check_bytes(const void *one, const void *other, size_t first, size_t end);
+static inline void check_bytes(const void *one, const void *other, size_t first, size_t end)
+{
+    CHECK(memcmp((const char *)one + first, (const char *)other + first, end - first) == 0);
+}
 
 /* Within +-limit; no NaN is. */
-bool within(cgl_real x, cgl_real limit);
+static inline bool within(cgl_real x, cgl_real limit) { return x >= -limit && x <= limit; }
+
 /* Each from 0 to 1. */
-bool are_duties(const cgl_real duty[3]);
+static inline bool are_duties(const cgl_real duty[3])
+{
+    bool all = true;
+    for (int x = 0; x < 3; ++x) {
+        all = all && duty[x] >= CGL_R(0.0) && duty[x] <= CGL_R(1.0);
+    }
+    return all;
+}
 
 uint32_t random_bits(void);
 uint32_t random_below(uint32_t n);
@@ -28,7 +40,7 @@ uint32_t random_word(void);
 /* Any number of the type, in equal shares: any bits at all, a corner (NaN, infinity, denormal, largest, zero), an ordinary
  * number up to `usual` in size. */
 cgl_real random_real(cgl_real usual);
-/* Not negative and finite; mostly ordinary, sometimes of any size. */
+/* Not negative and, but for a fuzzer, finite; mostly ordinary, sometimes of any size. */
 cgl_real random_gain(cgl_real usual);
 
 /* What a test of random inputs says, into a checksum: numbers, all of them NaN alike; or bits. */
