@@ -24,12 +24,6 @@ RIPPLE_CURVES = {
     "after": ("with the correction", "--c1", ""),
     "doubt": ("hidden below", "--c1", ' stroke-dasharray="2 4"'),
 }
-RIPPLE_NOTE = (
-    "Amplitude of the carriage's way by each order of the electrical revolution, as the ramps show it. What "
-    "the correction leaves is computed from the ramps with the probe. Noise and the model's own error hide "
-    "what is below the dotted line. A ramp passes a resonance quickly, so the peak is too low: at a constant "
-    "speed there, the ripple is a few times larger."
-)
 
 
 def write_report(correction: Correction, lines: Sequence[str], path: Path) -> None:
@@ -65,7 +59,7 @@ def _ripple(correction: Correction) -> str:
         for title, one in panels
     )
     return (
-        f'{note(RIPPLE_NOTE)}<p class="note">{key}</p>'
+        f'{note(correction.ripple_note)}<p class="note">{key}</p>'
         f'<div class="panels ripple">{pictures}</div>'
         "<style>.panels.ripple{grid-template-columns:repeat(auto-fit,minmax(min(100%,300px),1fr))}</style>"
         f'<details class="fold"><summary>Numbers</summary>{_numbers(correction.ripple)}</details>'
