@@ -41,9 +41,9 @@ HEARD_ERROR = 0.5  # of psi and the probe: an order with a larger error is not h
 GRID_SPEED = 1e-3  # m/s
 SPEEDS_SOUGHT = (0.03, 0.12)  # m/s
 MODES_MISS = 0.1  # share of the carriage's answer by which two modes may miss it
-RIPPLE_SPAN = 8.0  # The ripple is shown down to the highest speed over this.
-RIPPLE_POINTS = 40
-RIPPLE_NOTE = (
+CURVE_SPAN = 8.0  # The ripple is shown down to the highest speed over this.
+CURVE_SPEEDS = 40
+RUNS_NOTE = (
     "Amplitude of the carriage's way by each order of the electrical revolution, computed from how far the "
     "carriage moves at the frequencies of the runs: it answers as a mass on a belt, pulled by a rotor on the "
     "spring of its field. A picture ends at the highest of these frequencies. The curves are cut near a "
@@ -158,7 +158,7 @@ def order_ripple(
     if fit is None:
         return {}
     top = float(np.max(answer.frequencies))
-    frequencies = np.geomspace(top / RIPPLE_SPAN, top, RIPPLE_POINTS)
+    frequencies = np.geomspace(top / CURVE_SPAN, top, CURVE_SPEEDS)
     inverse = np.abs(1 - fit[0] * frequencies**2 + fit[1] * frequencies**4)
     ways = wavelength / math.tau / np.maximum(inverse, 1 / RESONANCE_RATIO)
     return {
@@ -222,7 +222,7 @@ def identify_magnitudes(axis: Axis, records: Sequence[SpeedRun], where: str) -> 
     }
     answer = Answer(*(np.array(column) for column in zip(*answers, strict=True)))
     ripple = order_ripple(coefficients, answer, axis.wavelength)
-    return Lines(coefficients, answer, ripple=ripple, ripple_note=RIPPLE_NOTE)
+    return Lines(coefficients, answer, ripple=ripple, ripple_note=RUNS_NOTE)
 
 
 def _whole(correction: Orders) -> dict[int, complex]:

@@ -57,7 +57,7 @@ HIDDEN_PACE = (
     "In this noise a wrong number of pulley teeth, or a wrong step angle, may not show: check both, or "
     "switch fans off for the log."
 )
-RIPPLE_NOTE = (
+RAMPS_NOTE = (
     "Amplitude of the carriage's way by each order of the electrical revolution, as the ramps show it. What "
     "the correction leaves is computed from the ramps with the probe. Noise and the model's own error hide "
     "what is below the dotted line. A ramp passes a resonance quickly, so the peak is too low: at a constant "
@@ -621,4 +621,4 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         n: order_ripple(pair, coefficients[n].value / probe[n], n, move, wavelength)
         for n, pair in pairs.items()
     }
-    return Lines(coefficients, answer, [*filter(None, [hidden]), *remarks], ripple, RIPPLE_NOTE)
+    return Lines(coefficients, answer, [*filter(None, [hidden]), *remarks], ripple, RAMPS_NOTE)
