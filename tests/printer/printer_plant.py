@@ -232,3 +232,17 @@ def ripple_rms(
         sizes = np.hypot(fit[1::2], fit[2::2]) / (np.array([1, 2, 3, 4, 5, 6, 8]) * omega) ** 2
         squares[lane] = np.sum(sizes**2) / 2
     return np.sqrt(squares)
+
+
+def order_sizes(axes: Axes, speeds: np.ndarray, correction: dict[int, np.ndarray]) -> np.ndarray:
+    """Amplitudes of the first axis's way at constant speeds, m: a row a speed, columns of orders 1 to 8."""
+    lanes = axes.take(np.zeros(len(speeds), int))
+    t, acceleration = accelerations(lanes, constant_speed(speeds), correction, 1.0)
+    late, omega, orders = t > 0.7, axes.teeth / axes.radius * speeds, np.arange(1, 9)
+    sizes = []
+    for lane, w in enumerate(omega):
+        waves = [f(m * w * t[late]) for m in orders for f in (np.sin, np.cos)]
+        matrix = np.column_stack([np.ones(np.count_nonzero(late)), *waves])
+        fit, *_ = np.linalg.lstsq(matrix, acceleration[late, lane], rcond=None)
+        sizes.append(np.hypot(fit[1::2], fit[2::2]) / (orders * w) ** 2)
+    return np.array(sizes)

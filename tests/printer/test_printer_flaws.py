@@ -1,4 +1,4 @@
-"""Logs with flaws: gaps, a clipped accelerometer, a clock that is off, a ramp of another speed or way."""
+"""Logs with flaws, such as gaps, a clipped sensor, a wrong clock, a ramp of another speed, wrong teeth."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def records() -> Records:
 
 
 def identified(
-    folder: Path, records: Records, change: Change | None = None
+    folder: Path, records: Records, change: Change | None = None, text: str = FILE
 ) -> dict[tuple[str, int], Coefficient]:
     """Coefficients by direction and order, where `change` is done to the rows of each log."""
     logs = write_klipper_logs(folder, records, 0, np.random.default_rng(5), 0.1)
@@ -38,7 +38,7 @@ def identified(
         heading, *lines = path.read_text().splitlines()
         rows = change(np.array([[float(cell) for cell in line.split(",")] for line in lines]))
         path.write_text("\n".join([heading, *(",".join(f"{x:.6f}" for x in row) for row in rows)]) + "\n")
-    (folder / "printer.toml").write_text(FILE)
+    (folder / "printer.toml").write_text(text)
     directions = identify_runs(logs, read_axis(folder / "printer.toml")).directions
     return {(name, n): entry for name, table in directions.items() for n, entry in table.items()}
 
@@ -166,6 +166,17 @@ def test_noise_that_hides_wrong_teeth_is_told(
                 check_pace(run, start, ramp(axis), axis.wavelength)
         else:
             assert check_pace(run, start, ramp(axis), axis.wavelength) == (HIDDEN_PACE if hides else "")
+
+
+def test_teeth_that_are_wrong_by_2_are_one_line(records: Records, tmp_path: Path) -> None:
+    with pytest.raises(StudyError) as refused:
+        identified(tmp_path, records, text=FILE.replace("pulley_teeth = 20", "pulley_teeth = 40"))
+    assert re.fullmatch(
+        r"\S+forward-probe-1.csv: the probe acts as with an electrical turn half as long as "
+        r'printer.pulley_teeth = 40 and printer.step_angle = "1.8 deg" give: '
+        r'expected printer.pulley_teeth = 20 or printer.step_angle = "0.9 deg"',
+        str(refused.value),
+    )
 
 
 @pytest.mark.parametrize(("noise", "words"), [(3.0, "expected the move"), (0.0, "of the log's energy")])

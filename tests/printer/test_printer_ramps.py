@@ -24,9 +24,20 @@ from printer.printer_plant import (
 from scipy.integrate import solve_ivp
 
 from cogless.drives.klipper import write_runs
-from cogless.printer.axis import read_axis
+from cogless.errors import StudyError
+from cogless.printer.axis import Axis, read_axis
 from cogless.printer.moves import Move, ramp
-from cogless.printer.ramps import find_start, identify_ramps, other_causes, tooth_way
+from cogless.printer.ramps import (
+    HIDDEN_PACE,
+    Blocks,
+    blocks,
+    check_wavelength,
+    find_start,
+    identify_ramps,
+    other_causes,
+    ringing_modes,
+    tooth_way,
+)
 from cogless.printer.records import Run
 
 COUNT = 2
@@ -158,6 +169,70 @@ def test_a_motor_in_the_mirror_has_the_conjugate_correction(
     d = identify_ramps(axis, [(backward[0], backward[1])]).coefficients
     assert all(abs(d[n].value - np.conj(c[n].value)) < 1e-6 for n in PROBE)
     assert all(abs(d[n].value - c[n].value) > 1e-4 for n in PROBE)
+
+
+def probed_blocks(
+    records: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]], lane: int, noise: float, axis: Axis
+) -> list[list[tuple[Blocks, Blocks]]]:
+    """Three pairs of forward ramps, in blocks of the axis's wavelength and of twice this."""
+    rng = np.random.default_rng(lane)
+    runs = [
+        [
+            Run(kind, "forward", *sampled(t, values[:, lane], rng, 3200, noise), {})
+            for kind in ("plain", "probe")
+            for t, values in (records["forward", kind],)
+        ]
+        for _ in range(3)
+    ]
+    move = ramp(axis)
+    modes = ringing_modes(runs[0][0], 0.0, move, axis.wavelength)
+    return [
+        [(blocks(a, 0.0, move, length, modes), blocks(b, 0.0, move, length, modes)) for a, b in runs]
+        for length in (axis.wavelength, 2 * axis.wavelength)
+    ]
+
+
+@pytest.mark.parametrize("noise", [0.1, 1.0])
+@pytest.mark.parametrize(
+    ("change", "cures"),
+    [
+        (("pulley_teeth = 20", "pulley_teeth = 10"), ({"pulley_teeth": 20}, {"step_angle": "3.6 deg"})),
+        (("pulley_teeth = 20", "pulley_teeth = 40"), ({"pulley_teeth": 20}, {"step_angle": "0.9 deg"})),
+        (("1.8 deg", "0.9 deg"), ({"pulley_teeth": 40}, {"step_angle": "1.8 deg"})),
+        (("1.8 deg", "3.6 deg"), ({"pulley_teeth": 10}, {"step_angle": "1.8 deg"})),
+    ],
+)
+def test_a_wavelength_that_is_wrong_by_2_is_told_by_the_probe(
+    change: tuple[str, str],
+    cures: tuple[dict[str, object], ...],
+    noise: float,
+    records: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]],
+    axis_file: Path,
+) -> None:
+    """The motor's own orders map onto each other, but the probe has three only. Each cure is right."""
+    right = read_axis(axis_file)
+    axis_file.write_text(FILE.replace(*change))
+    wrong = read_axis(axis_file)
+    for lane in range(COUNT):
+        assert check_wavelength("a.csv", right, *probed_blocks(records, lane, noise, right)) == ""
+        with pytest.raises(StudyError) as refused:
+            check_wavelength("a.csv", wrong, *probed_blocks(records, lane, noise, wrong))
+        assert refused.value.cures == tuple({f"printer.{k}": v for k, v in cure.items()} for cure in cures)
+        for key, value in (item for cure in refused.value.cures for item in cure.items()):
+            line = f"{key} = {json.dumps(value)}"
+            assert line in str(refused.value).split("expected ")[1] and "\n" not in str(refused.value)
+            changes = {key.removeprefix("printer."): value}
+            kept = [row for row in axis_file.read_text().splitlines() if row.split(" = ")[0] not in changes]
+            cured = axis_file.with_name("cured.toml")
+            cured.write_text("\n".join([*kept, line.removeprefix("printer.")]))
+            assert read_axis(cured).wavelength == pytest.approx(right.wavelength)
+
+
+def test_noise_that_hides_the_probe_hides_a_wrong_wavelength(
+    records: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]], axis_file: Path
+) -> None:
+    axis = read_axis(axis_file)
+    assert check_wavelength("a.csv", axis, *probed_blocks(records, 0, 30.0, axis)) == HIDDEN_PACE
 
 
 def test_a_belt_tooth_is_told_from_the_motor(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from commands import cogless
 from printer.printer_bench import FILE, PROBE, SIGNS, ramp_records, write_klipper_logs
-from printer.printer_plant import accelerations, constant_speed, sampled, study_axes
+from printer.printer_plant import order_sizes, sampled, study_axes
 from report.curves import curves
 
 from cogless.printer.axis import Axis, read_axis
@@ -52,22 +52,8 @@ def lines(axis: Axis, records: Records) -> Lines:
     return identify_ramps(axis, [(run("plain"), run("probe")) for _ in range(3)])
 
 
-def at_constant_speed(speeds: np.ndarray) -> np.ndarray:
-    """Amplitudes of the carriage's way without a correction, m: a row a speed, a column an order."""
-    lanes = AXES.take(np.zeros(len(speeds), int))
-    t, acceleration = accelerations(lanes, constant_speed(speeds), {}, 1.0)
-    late, omega, orders = t > 0.7, AXES.teeth / AXES.radius * speeds, np.arange(1, 9)
-    sizes = []
-    for lane, w in enumerate(omega):
-        waves = [f(m * w * t[late]) for m in orders for f in (np.sin, np.cos)]
-        matrix = np.column_stack([np.ones(np.count_nonzero(late)), *waves])
-        fit, *_ = np.linalg.lstsq(matrix, acceleration[late, lane], rcond=None)
-        sizes.append(np.hypot(fit[1::2], fit[2::2]) / (orders * w) ** 2)
-    return np.array(sizes)
-
-
 def test_ramps_show_the_ripple_of_a_constant_speed_and_a_resonance_too_low(lines: Lines, axis: Axis) -> None:
-    constant = at_constant_speed(lines.ripple[1].speeds)
+    constant = order_sizes(AXES, lines.ripple[1].speeds, {})
     for n, one in lines.ripple.items():
         true = constant[: len(one.speeds), n - 1]
         apart = np.min(np.abs(n * one.speeds[:, None] / axis.wavelength / RESONANCES - 1), axis=1)

@@ -10,15 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import cogless
-from printer.printer_bench import FILE, SIGNS, prusa_lines, write_klipper_logs
-from printer.printer_plant import random_axes, static_orders
+from printer.printer_bench import FILE, PROBE, SIGNS, prusa_lines, write_klipper_logs
+from printer.printer_plant import order_sizes, random_axes, static_orders, study_axes
 
 from cogless.drives.klipper import log_name, log_text
 from cogless.drives.klipper import write_runs as klipper_files
+from cogless.drives.prusa import identify_runs
 from cogless.drives.prusa import write_runs as prusa_files
 from cogless.errors import StudyError
 from cogless.printer.axis import read_axis
-from cogless.printer.magnitudes import check_speed, quiet_speed
+from cogless.printer.corrections import Answer
+from cogless.printer.magnitudes import check_speed, inverse_answer, quiet_speed
 
 AXES = random_axes(2, 4)
 
@@ -81,6 +83,45 @@ def test_a_resonance_that_nobody_named_is_heard(
     log.write_text("\n".join(prusa_lines(axes, 0, [8e-4 * lower / 2], np.random.default_rng(1))) + "\n")
     code, _, err = identify(capsys, axis_file, [log])
     assert (code, err.count("\n")) == (2, 1) and "order 2 has" in err and "expected another speed" in err
+
+
+def test_the_report_has_the_ripple_over_the_speed(
+    axis_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Runs at one speed tell the ripple at others, off the resonances, as the independent axis shows it."""
+    axes, log = study_axes(1), tmp_path / "serial.log"
+    log.write_text("\n".join(prusa_lines(axes, 0, [0.04], np.random.default_rng(1))) + "\n")
+    correction = identify_runs([log], read_axis(axis_file))
+    ripple, chosen = correction.ripple["forward"], slice(4, None, 7)
+    speeds = np.concatenate([one.speeds[chosen] for one in ripple.values()])
+    waves = {m: np.repeat([0, c], len(speeds)) for m, c in correction.orders("forward").items()}
+    sizes = order_sizes(axes, np.tile(speeds, 2), waves).reshape(2, len(ripple), -1, 8)
+    for k, (n, one) in enumerate(ripple.items()):
+        assert one.speeds[-1] == pytest.approx(0.16 / n) and one.speeds[0] == pytest.approx(0.02 / n)
+        cut = one.before > 0.99 * np.max(one.before)  # near the resonance at 62 Hz
+        assert 4 < np.count_nonzero(cut) < 14
+        assert np.all(np.abs(n * one.speeds[cut] / 8e-4 / 62 - 1) < 0.2)
+        before, after = sizes[:, k, :, n - 1]
+        cut, shown, left = cut[chosen], one.before[chosen], one.after[chosen]
+        assert shown[~cut] == pytest.approx(before[~cut], rel=0.25)
+        assert np.any(cut) and np.all(before[cut] > shown[cut])
+        assert np.all(after[~cut] < left[~cut])
+    code, _, err = identify(capsys, axis_file, [log])
+    assert (code, err) == (0, "")
+    page = (tmp_path / "found" / "report.html").read_text("utf-8")
+    titles = re.findall(r'aria-label="Order (\d) (\w+), a stripe every', page)
+    assert titles == [(str(n), direction) for direction in SIGNS for n in PROBE]
+    assert "computed from how far the carriage moves" in page
+
+
+def test_an_answer_that_is_no_mass_on_a_belt_gives_no_ripple() -> None:
+    """Two resonances give back their own; a third one between the frequencies gives none."""
+    f = np.array([30.0, 50.0, 60.0, 100.0, 120.0, 200.0])
+    two = 1 / np.abs((1 - (f / 75) ** 2) * (1 - (f / 240) ** 2))
+    fit = inverse_answer(Answer(f, two))
+    assert fit is not None
+    assert fit[0] == pytest.approx(1 / 75**2 + 1 / 240**2) and fit[1] == pytest.approx((75 * 240) ** -2)
+    assert inverse_answer(Answer(f, two / np.abs(1 - (f / 110) ** 2))) is None
 
 
 def backward(text: str) -> bool:

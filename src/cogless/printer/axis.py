@@ -34,6 +34,7 @@ StartPlace = Annotated[float, Quantity(units.LENGTH, ">=")]
 Speed = Annotated[float, Quantity(CARRIAGE_SPEED, ">")]
 
 DIAGONAL = math.sqrt(0.5)
+PULLEY_TEETH_LEAST = 4
 
 
 class Axis(Table):
@@ -42,7 +43,7 @@ class Axis(Table):
     motor: Literal["x", "y"]
     kinematics: Literal["cartesian", "corexy"] = "cartesian"
     step_angle: Span  # rad
-    pulley_teeth: Annotated[int, Field(ge=4)]
+    pulley_teeth: Annotated[int, Field(ge=PULLEY_TEETH_LEAST)]
     belt_pitch: Length = 2e-3  # m
     current: CurrentLimit  # A rms, as the firmware has it
     travel: Length  # m of free straight way, along which the motor alone moves the carriage

@@ -73,13 +73,14 @@ class OrderRipple:
 @dataclass(frozen=True, eq=False)
 class Lines:
     """What a direction's runs tell: the correction by order, the carriage's answer, remarks, and the ripple
-    of each order if the runs pass many speeds.
+    of each order over the speed, if they tell it, with a note on how.
     """
 
     coefficients: Mapping[int, Coefficient]
     answer: Answer
     remarks: Sequence[str] = ()
     ripple: Mapping[int, OrderRipple] = field(default_factory=dict)
+    ripple_note: str = ""
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,7 @@ class Correction:
     directions: Mapping[Direction, Mapping[int, Coefficient]]
     remarks: Sequence[str] = ()
     ripple: Mapping[Direction, Mapping[int, OrderRipple]] = field(default_factory=dict)
+    ripple_note: str = ""
 
     @classmethod
     def from_lines(cls, axis: Axis, lines: Mapping[Direction, Lines]) -> Correction:
@@ -128,6 +130,7 @@ class Correction:
             directions={name: dict(entry.coefficients) for name, entry in lines.items()},
             remarks=tuple(remarks),
             ripple={name: entry.ripple for name, entry in lines.items() if entry.ripple},
+            ripple_note=next((entry.ripple_note for entry in lines.values() if entry.ripple), ""),
         )
 
     def orders(self, direction: Direction) -> dict[int, complex]:

@@ -7,14 +7,15 @@ in g, b = g psi and e. Four runs with different phi are enough; noise adds to e 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 
 from cogless.errors import StudyError
 from cogless.printer.axis import Axis
-from cogless.printer.corrections import RESONANCE_RATIO, Answer, Coefficient, Lines
+from cogless.printer.corrections import RESONANCE_RATIO, Answer, Coefficient, Lines, OrderRipple
 from cogless.printer.records import (
     CORRECTED_ORDERS,
     FITTED_ORDERS,
@@ -39,6 +40,16 @@ SWING_MOST = 2 * PROBE_SIZE  # rad, that a motor with the probe is off where the
 HEARD_ERROR = 0.5  # of psi and the probe: an order with a larger error is not heard
 GRID_SPEED = 1e-3  # m/s
 SPEEDS_SOUGHT = (0.03, 0.12)  # m/s
+MODES_MISS = 0.1  # share of the carriage's answer by which two modes may miss it
+CURVE_SPAN = 8.0  # The ripple is shown down to the highest speed over this.
+CURVE_SPEEDS = 40
+RUNS_NOTE = (
+    "Amplitude of the carriage's way by each order of the electrical revolution, computed from how far the "
+    "carriage moves at the frequencies of the runs: it answers as a mass on a belt, pulled by a rotor on the "
+    "spring of its field. A picture ends at the highest of these frequencies. The curves are cut near a "
+    f"resonance, where the carriage moves more than {RESONANCE_RATIO:g} times as far as the motor: the "
+    "ripple is larger there. The curve with the correction is what its error may leave, not a measurement."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +132,43 @@ def _solve(
     return psi, gradient @ np.linalg.inv(normal) @ gradient.T, g / PROBE_SIZE**2
 
 
+def inverse_answer(answer: Answer) -> tuple[float, float] | None:
+    """a and b of 1 / H = 1 - a f^2 + b f^4, Hz^-2 and Hz^-4: a rotor on its field, a belt and a carriage.
+
+    |H| tells no sign: H is negative between its two resonances, wherever these are. None: no two fit.
+    """
+    scale = float(np.max(answer.frequencies)) ** 2
+    squares, ratios = answer.frequencies**2 / scale, answer.ratios
+    columns = ratios[:, None] * np.column_stack([-squares, squares**2])
+    least, fit = MODES_MISS, None
+    for low, high in combinations_with_replacement([0.0, *np.unique(squares)], 2):
+        rest = np.where((squares > low) & (squares <= high), -1.0, 1.0) - ratios
+        (a, b), *_ = np.linalg.lstsq(columns, rest)
+        miss = float(np.max(np.abs(columns @ [a, b] - rest)))
+        if miss < least and b >= 0 and a >= 2 * math.sqrt(b):
+            least, fit = miss, (float(a) / scale, float(b) / scale**2)
+    return fit
+
+
+def order_ripple(
+    coefficients: Mapping[int, Coefficient], answer: Answer, wavelength: float
+) -> dict[int, OrderRipple]:
+    """The carriage's ripple by order up to the runs' highest frequency; a correction leaves its error."""
+    fit = inverse_answer(answer)
+    if fit is None:
+        return {}
+    top = float(np.max(answer.frequencies))
+    frequencies = np.geomspace(top / CURVE_SPAN, top, CURVE_SPEEDS)
+    inverse = np.abs(1 - fit[0] * frequencies**2 + fit[1] * frequencies**4)
+    ways = wavelength / math.tau / np.maximum(inverse, 1 / RESONANCE_RATIO)
+    return {
+        n: OrderRipple(
+            frequencies * wavelength / n, abs(entry.value) * ways, entry.error * ways, entry.error * ways
+        )
+        for n, entry in coefficients.items()
+    }
+
+
 def identify_magnitudes(axis: Axis, records: Sequence[SpeedRun], where: str) -> Lines:
     """The lines of a direction. `where`: what a StudyError names.
 
@@ -172,7 +220,9 @@ def identify_magnitudes(axis: Axis, records: Sequence[SpeedRun], where: str) -> 
         n: Coefficient(-_mean(values)[0], math.hypot(_mean(values)[1], products[n]))
         for n, values in estimates.items()
     }
-    return Lines(coefficients, Answer(*(np.array(column) for column in zip(*answers, strict=True))))
+    answer = Answer(*(np.array(column) for column in zip(*answers, strict=True)))
+    ripple = order_ripple(coefficients, answer, axis.wavelength)
+    return Lines(coefficients, answer, ripple=ripple, ripple_note=RUNS_NOTE)
 
 
 def _whole(correction: Orders) -> dict[int, complex]:

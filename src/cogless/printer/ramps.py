@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.printer.axis import Axis
+from cogless.printer.axis import PULLEY_TEETH_LEAST, Axis
 from cogless.printer.corrections import Answer, Coefficient, Lines, OrderRipple, spread
 from cogless.printer.moves import Move, ramp
 from cogless.printer.records import (
@@ -27,6 +27,8 @@ from cogless.printer.records import (
     lines_fit,
     shifted_orders,
 )
+from cogless.study.motor import teeth_of
+from cogless.study.toml import toml
 
 BLOCK_SPEED = 8e-3  # m/s that a block's speed changes by
 BLOCK_TURNS = 2.0  # electrical turns that a block has at least
@@ -54,6 +56,12 @@ PACES = {
 HIDDEN_PACE = (
     "In this noise a wrong number of pulley teeth, or a wrong step angle, may not show: check both, or "
     "switch fans off for the log."
+)
+RAMPS_NOTE = (
+    "Amplitude of the carriage's way by each order of the electrical revolution, as the ramps show it. What "
+    "the correction leaves is computed from the ramps with the probe. Noise and the model's own error hide "
+    "what is below the dotted line. A ramp passes a resonance quickly, so the peak is too low: at a constant "
+    "speed there, the ripple is a few times larger."
 )
 MODE_WIDTH = 3.0  # Hz
 MODE_LEAST = 15.0  # Hz
@@ -397,7 +405,62 @@ class Pair:
     @property
     def change(self) -> float:
         """The square of what the probe changes in a block, on average, over what noise alone does."""
-        return float(np.mean(self.weights * np.abs(self.plain - self.probed) ** 2)) / 2
+        squares = self.weights * np.abs(self.plain - self.probed) ** 2
+        return float(np.sum(squares)) / (2 * max(len(squares), 1))
+
+
+def joined(runs: Sequence[tuple[Blocks, Blocks]], n: int) -> Pair:
+    """The pairs of blocks of an order, from all runs without and with the probe."""
+    k = FITTED_ORDERS.index(n)
+    plain, probed = (
+        np.concatenate([one.coefficients[:, k] for one in kind]) for kind in zip(*runs, strict=True)
+    )
+    variance = np.concatenate([0.5 * (one.variance + other.variance)[:, k] for one, other in runs])
+    speeds = np.concatenate([one.speeds for one, _ in runs])
+    sound = np.isfinite(plain) & np.isfinite(probed)
+    return Pair(plain[sound], probed[sound], variance[sound], speeds[sound])
+
+
+def check_wavelength(
+    name: str, axis: Axis, own: Sequence[tuple[Blocks, Blocks]], twice: Sequence[tuple[Blocks, Blocks]]
+) -> str:
+    """A remark if noise hides that an electrical turn is twice or half as long as the axis says; else "".
+
+    A factor of 2 maps the motor's orders onto each other, but the probe has orders 1, 2 and 4 alone. With a
+    turn of half the length, order 8 of the axis changes and order 1 does not; with twice the length, order
+    1/2 does and order 4 does not. Order 1/2 would then change as much as order 1, which is known from it if
+    order 4 is lost in noise. `twice`: the blocks of orders of twice the wavelength.
+
+    StudyError: that change is larger by more than noise may add.
+    """
+    remark = ""
+    for factor, runs, orders, other_order in ((0.5, own, (1,), 8), (2.0, twice, (8, 2), 1)):
+        other, pairs = joined(runs, other_order), [joined(runs, n) for n in orders]
+        counts = [max(len(pair.speeds), 1) for pair in (other, pairs[0])]
+        by_chance = HEARD_SIGMAS * math.sqrt(sum(1 / count for count in counts))
+        changes = [pair.change for pair in pairs]
+        if other.change > np.mean(changes) + by_chance:
+            raise wrong_wavelength(name, axis, factor)
+        if other.change > max(changes) - by_chance:
+            remark = HIDDEN_PACE
+    return remark
+
+
+def wrong_wavelength(name: str, axis: Axis, factor: float) -> StudyError:
+    """An electrical turn is longer by this factor, 2 or 1/2, than the axis says."""
+    step = math.degrees(axis.step_angle)
+    cures: list[dict[str, int | str]] = []
+    teeth = axis.pulley_teeth * factor
+    if teeth.is_integer() and teeth >= PULLEY_TEETH_LEAST:
+        cures.append({"printer.pulley_teeth": int(teeth)})
+    if teeth_of(axis.step_angle * factor):
+        cures.append({"printer.step_angle": f"{step * factor:.6g} deg"})
+    expected = " or ".join(f"{key} = {toml(value)}" for cure in cures for key, value in cure.items())
+    return StudyError(
+        f"{name}: the probe acts as with an electrical turn {'twice' if factor > 1 else 'half'} as long as "
+        f"printer.pulley_teeth = {axis.pulley_teeth} and printer.step_angle = "
+        f"{toml(f'{step:.6g} deg')} give: expected {expected}"
+    ).advising(*cures)
 
 
 def _direction(pair: Pair, weights: Numbers) -> tuple[complex, complex]:
@@ -502,7 +565,8 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
     StudyError: a log without the move.
     """
     move, wavelength = ramp(axis), axis.wavelength
-    plains, probeds = [], []
+    own: list[tuple[Blocks, Blocks]] = []
+    twice: list[tuple[Blocks, Blocks]] = []
     remarks: list[str] = []
     hidden = ""
     for run, other in runs:
@@ -516,28 +580,21 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         other_start = refined_start(
             run, plain, other, find_start(other, move, wavelength), move, wavelength, modes
         )
-        plains.append(plain)
-        probeds.append(blocks(other, other_start, move, wavelength, modes))
-    first, second = runs[0]
-    speeds = np.concatenate([p.speeds for p in plains])
-    pairs: dict[int, Pair] = {}
-    frequencies, moved = {}, {}
-    for k, n in enumerate(FITTED_ORDERS):
-        if n not in second.correction:
-            continue
-        a = np.concatenate([p.coefficients[:, k] for p in plains])
-        b = np.concatenate([p.coefficients[:, k] for p in probeds])
-        variance = np.concatenate(
-            [0.5 * (p.variance + q.variance)[:, k] for p, q in zip(plains, probeds, strict=True)]
+        own.append((plain, blocks(other, other_start, move, wavelength, modes)))
+        twice.append(
+            (
+                blocks(run, start, move, 2 * wavelength, modes),
+                blocks(other, other_start, move, 2 * wavelength, modes),
+            )
         )
-        sound = np.isfinite(a) & np.isfinite(b)
-        pairs[n] = Pair(a[sound], b[sound], variance[sound], speeds[sound])
-        frequencies[n], moved[n] = (n * speeds / wavelength)[sound], np.abs(b - a)[sound]
+    first, second = runs[0]
+    pairs = {n: joined(own, n) for n in FITTED_ORDERS if n in second.correction}
     if max(pair.change for pair in pairs.values()) < CHANGE_LEAST:
         raise StudyError(
             f"{second.name}: the probe has no effect, compared with {first.name}: expected a printer whose "
             "SET_PHASE_CORRECTION acts, and a log of its own for each ramp"
         )
+    hidden = check_wavelength(second.name, axis, own, twice) or hidden
     psi: dict[int, complex] = {}
     coefficients: dict[int, Coefficient] = {}
     for _ in range(PROBE_ROUNDS):
@@ -551,12 +608,17 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
     coefficients = {
         n: replace(entry, error=math.hypot(entry.error, products[n])) for n, entry in coefficients.items()
     }
+    frequencies = {n: n * pair.speeds / wavelength for n, pair in pairs.items()}
     ratios = [
-        moved[n] / abs(probe[n]) / (math.tau * frequencies[n]) ** 2 * (math.tau / wavelength) for n in pairs
+        np.abs(pair.probed - pair.plain)
+        / abs(probe[n])
+        / (math.tau * frequencies[n]) ** 2
+        * (math.tau / wavelength)
+        for n, pair in pairs.items()
     ]
     answer = Answer(np.concatenate(list(frequencies.values())), np.concatenate(ratios))
     ripple = {
         n: order_ripple(pair, coefficients[n].value / probe[n], n, move, wavelength)
         for n, pair in pairs.items()
     }
-    return Lines(coefficients, answer, [*filter(None, [hidden]), *remarks], ripple)
+    return Lines(coefficients, answer, [*filter(None, [hidden]), *remarks], ripple, RAMPS_NOTE)

@@ -20,12 +20,6 @@ RIPPLE_CURVES = {
     "after": ("with the correction", "--c1", False),
     "doubt": ("hidden below", "--c1", True),
 }
-RIPPLE_NOTE = (
-    "Amplitude of the carriage's way by each order of the electrical revolution, as the ramps show it. What "
-    "the correction leaves is computed from the ramps with the probe. Noise and the model's own error hide "
-    "what is below the dotted line. A ramp passes a resonance quickly, so the peak is too low: at a constant "
-    "speed there, the ripple is a few times larger."
-)
 
 
 def write_report(correction: Correction, lines: Sequence[str], path: Path) -> None:
@@ -54,7 +48,7 @@ def _ripple(correction: Correction) -> str:
     panels = "".join(axes.panel(title, *_curves(axes, one)) for title, one in ripples.items())
     solid = {name: colour for name, colour, dots in RIPPLE_CURVES.values() if not dots}
     return (
-        f'{note(RIPPLE_NOTE)}{legend(solid)}<div class="panels still">{panels}</div>'
+        f'{note(correction.ripple_note)}{legend(solid)}<div class="panels still">{panels}</div>'
         f'<details class="fold"><summary>Numbers</summary>{_numbers(correction.ripple)}</details>'
     )
 
