@@ -26,7 +26,7 @@ PAGES = [*(GUIDE.parent / "reference").glob("*.md"), GUIDE / "command-line.md"]
 def test_a_page_with_tables_of_keys_says_at_its_top_where_they_are_before_the_docs_are_built(
     page: Path,
 ) -> None:
-    """The tables are made from models: the note names each of their files, which a repository's page opens."""
+    """The tables are made from models: the note links each of their files."""
     text = page.read_text(encoding="utf-8")
     modules = re.findall(r"^```\{study-table\} (.*)\.[A-Z]\w*$", text, re.MULTILINE)
     note = text.split("\n\n")[1]

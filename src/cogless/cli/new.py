@@ -6,6 +6,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
@@ -31,6 +32,7 @@ QUESTIONS: dict[str, tuple[Kind, str, str]] = {
     "drive": ("drives", "Which drive?", "generic"),
     "encoder": ("encoders", "Which position sensor?", "as5047"),
 }
+EXAMPLES = {"motor": "gimbal", "drive": "generic", "encoder": "as5047"}  # that fit each other
 
 
 def _name(flag: str, help: str) -> Any:
@@ -91,7 +93,11 @@ def new(
     ] = None,
     inertia: Annotated[Text, _number("--inertia", "Inertia of rotor and load together, in kg*m^2.")] = None,
     load_inertia: Annotated[
-        Text, _number("--load-inertia", "Inertia of the load alone, in kg*m^2; the rotor's is guessed.")
+        Text,
+        _number(
+            "--load-inertia",
+            "Inertia of the load alone, in kg*m^2; the rotor's is guessed. Usually 0 to 10 times the rotor's.",
+        ),
     ] = None,
     rated_current: Annotated[
         Text,
@@ -188,10 +194,8 @@ def asks() -> bool:
     return sys.stdin.isatty()
 
 
-def _ask(flag: str, question: _Question, expected: str) -> Any:
-    """The answer to a question; without a terminal a StudyError that names the flag."""
-    if not asks():
-        raise StudyError(f"--{flag}: missing: expected {expected}")
+def _ask(flag: str, question: _Question) -> Any:
+    """The answer to a question."""
     while True:
         answer = typer.prompt(question.text, default=question.default)
         try:
@@ -203,14 +207,23 @@ def _ask(flag: str, question: _Question, expected: str) -> Any:
 def _request(
     chosen: Mapping[str, str | None], texts: Mapping[str, str], speed_texts: Sequence[str]
 ) -> Request:
-    from cogless.starter.request import Request, parse_number, parse_speeds
+    from cogless.starter.request import Request, check_name, parse_number, parse_speeds
 
     numbers = {flag: parse_number(flag, text) for flag, text in texts.items()}
     speeds = parse_speeds(speed_texts)
-    motor = _part("motor", chosen["motor"] or _motor_by(numbers))
+    known = {
+        "motor": chosen["motor"] or _motor_by(numbers),
+        "drive": chosen["drive"] or ("generic" if "current-rate" in numbers else None),
+        "encoder": chosen["encoder"] or _encoder_by(numbers),
+    }
+    for flag, name in known.items():
+        if name is not None:
+            check_name(flag, QUESTIONS[flag][0], name)
+    if not asks():
+        _check_complete(known, numbers)
+    motor = _part("motor", known["motor"])
     _ask_motor(motor, numbers)
-    drive = _part("drive", chosen["drive"] or ("generic" if "current-rate" in numbers else None))
-    encoder = _part("encoder", chosen["encoder"] or _encoder_by(numbers))
+    drive, encoder = _part("drive", known["drive"]), _part("encoder", known["encoder"])
     if asks() and not speeds:
         text = "Speed that matters to you, in r/min (several: 5, 40)"
         speeds = _ask_unless("speed", text, "slow", lambda answer: parse_speeds([answer])) or ()
@@ -225,17 +238,27 @@ def _part(flag: str, name: str | None) -> str:
     """The name of a part of the catalogue, which is asked for if it is missing."""
     from cogless.starter.request import check_name, names
 
-    kind, text, default = QUESTIONS[flag]
     if name is not None:
-        return check_name(flag, kind, name)
+        return name
+    kind, text, default = QUESTIONS[flag]
     choices = names(kind)
-    if asks():
-        width = max(map(len, choices))
-        room = LINE_COLUMNS - width - 4
-        for choice, description in choices.items():
-            print(f"  {choice:<{width}}  {textwrap.shorten(description, room, placeholder=' ...')}")
+    width = max(map(len, choices))
+    room = LINE_COLUMNS - width - 4
+    for choice, description in choices.items():
+        print(f"  {choice:<{width}}  {textwrap.shorten(description, room, placeholder=' ...')}")
     question = _Question(text, default, lambda answer: check_name(flag, kind, answer))
-    return str(_ask(flag, question, f"one of {', '.join(choices)}"))
+    return str(_ask(flag, question))
+
+
+def _check_complete(known: Mapping[str, str | None], numbers: Mapping[str, Any]) -> None:
+    """Refuse a command without some of what no guess replaces: a StudyError with all of it, by examples."""
+    own = _needed_numbers(numbers) if known["motor"] == "own" else {}
+    examples = {flag: EXAMPLES[flag] for flag, name in known.items() if name is None}
+    examples |= {flag: default for flag, (_, default) in own.items()}
+    if examples:
+        words = " ".join(f"--{flag} {example}" for flag, example in examples.items())
+        missing = ", ".join(f"--{flag}" for flag in examples)
+        raise StudyError(f"{missing}: missing: expected such as {words}; {program()} new --help lists all")
 
 
 def _motor_by(numbers: Mapping[str, Any]) -> str | None:
@@ -257,15 +280,27 @@ def _encoder_by(numbers: Mapping[str, Any]) -> str | None:
 
 def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
     """Ask for the numbers without which a motor of one's own can't be described."""
+    from cogless.starter.request import parse_number
+
     if motor == "own":
-        _require("pole-pairs", "Pole pairs (half the number of magnets)", "7", numbers)
-        if not CONSTANTS & numbers.keys() and not ({"rated-torque", "rated-current"} <= numbers.keys()):
-            _require("kv", "Kv, r/min per volt of the battery", "80", numbers)
-        _require("resistance", "Resistance between two terminals, in ohm", "0.5", numbers)
+        for flag, (text, default) in _needed_numbers(numbers).items():
+            numbers[flag] = _ask(flag, _Question(text, default, partial(parse_number, flag)))
         if asks():
             _ask_number("cogging", COGGING_QUESTION, "guess", numbers)
     elif asks():
         _ask_of_class(motor, numbers)
+
+
+def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """Numbers without which a motor of one's own can't be described: flag -> question and default."""
+    needed = {
+        "pole-pairs": ("Pole pairs (half the number of magnets)", "7"),
+        "kv": ("Kv, r/min per volt of the battery", "80"),
+        "resistance": ("Resistance between two terminals, in ohm", "0.5"),
+    }
+    if CONSTANTS & numbers.keys() or {"rated-torque", "rated-current"} <= numbers.keys():
+        del needed["kv"]
+    return {flag: question for flag, question in needed.items() if flag not in numbers}
 
 
 COGGING_QUESTION = "Cogging torque, half of peak to peak, in N*m"
@@ -320,14 +355,6 @@ def _say_not_asked(motor: str, numbers: Mapping[str, Any]) -> None:
 NOT_ASKED = ("inertia", "inductance", "slots", "friction", "rated-current", "bus-voltage", "current-limit")
 
 
-def _require(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
-    from cogless.starter.request import parse_number
-
-    if flag not in numbers:
-        question = _Question(text, default, lambda answer: parse_number(flag, answer))
-        numbers[flag] = _ask(flag, question, "a number, since the motor is your own")
-
-
 def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
     """Ask for a number that may stay unknown: the default leaves it so."""
     from cogless.starter.request import parse_number
@@ -342,7 +369,7 @@ def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> 
 def _ask_unless(flag: str, text: str, default: str, take: Callable[[str], Any]) -> Any:
     """The answer to a question, as `take` makes it; None for the default."""
     question = _Question(text, default, lambda answer: None if answer == default else take(answer))
-    return _ask(flag, question, "a number")
+    return _ask(flag, question)
 
 
 # what is written and said

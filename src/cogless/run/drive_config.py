@@ -21,7 +21,7 @@ from cogless.design.law_rules import rules_of
 from cogless.errors import StudyError
 from cogless.run.own_law import known_drive
 from cogless.study import AnyStudy, Study, for_scenario
-from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief
+from cogless.study.drive import Drive, StarBelief
 from cogless.study.laws.law import Base, LawLoop
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
