@@ -272,7 +272,7 @@ def check(app: Any, env: Any) -> None:
 
 
 def other_laws(app: Any, page: str, source: list[str]) -> None:
-    """Write the laws that a page does not name where it leaves room for them, and drop its note for the unbuilt page.
+    """Write the laws that a page does not name where it leaves room for them; without its note of tables.
 
     Such room is a line `laws/{others}` in a list of pages, and `{other-laws}` among the keys of controllers.
     """

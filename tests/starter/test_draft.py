@@ -487,7 +487,9 @@ def test_a_load_of_a_hundred_kilograms_on_a_small_step_motor_is_doubted(tmp_path
     """42BYG228 has 22 g cm^2 and longer motors of its size fourfold: ten times these are 820 g cm^2."""
     of = request("nema17", "stepper", "as5048", load_inertia=100)
     (doubt,) = draft(of, "Mine", tmp_path / "mine.toml").doubts
-    assert doubt.startswith('--load-inertia: "100 kg*m^2": 1200000 times the largest usual value of the load ')
+    assert doubt.startswith(
+        '--load-inertia: "100 kg*m^2": 1200000 times the largest usual value of the load '
+    )
     assert doubt.endswith(", 8.2e-5 kg*m^2; perhaps you mean 100 g*cm^2")
 
 

@@ -106,7 +106,8 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
          f'--encoder: "mt6710": expected one of {ENCODERS}, perhaps "mt6701"'),
         ("--pole-pairs 7 --drive odrv", f'--drive: "odrv": expected one of {DRIVES}, perhaps "odrive"'),
         ("--motor nema17 --drive moteus --encoder hall",
-         '--drive: "moteus": expected one of generic, simplefoc, stepper, since a step motor has two phases'),
+         '--drive: "moteus": expected one of generic, simplefoc, stepper, since a step motor has two phases; '
+         "for a motor with three give another --motor, such as servo"),
         ("--motor gimbal --drive stepper --encoder hall",
          '--drive: "stepper": expected one of generic, moteus, odrive, vesc, simplefoc, '
          "since the motor has three phases"),

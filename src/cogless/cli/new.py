@@ -19,6 +19,7 @@ from cogless.errors import StudyError
 from cogless.lines import warn
 
 if TYPE_CHECKING:
+    from cogless.design.answers import Answer
     from cogless.starter import Draft, Effect, Ranking, Request
     from cogless.starter.part_catalogue import Kind
     from cogless.study import Study
@@ -96,7 +97,7 @@ def new(
         Text,
         _number(
             "--load-inertia",
-            "Inertia of the load alone, in kg*m^2; the rotor's is guessed. Usually 0 to 10 times the rotor's.",
+            "Inertia of the load alone, in kg*m^2; usually at most 10 times the rotor's, which is guessed.",
         ),
     ] = None,
     rated_current: Annotated[
@@ -119,7 +120,9 @@ def new(
     ] = None,
     friction: Annotated[Text, _number("--friction", "Friction torque of the turning rotor, in N*m.")] = None,
     bits: Annotated[Text, _number("--bits", "Bits of an absolute encoder.")] = None,
-    cpr: Annotated[Text, _number("--cpr", "Counts a revolution of an incremental encoder.")] = None,
+    cpr: Annotated[
+        Text, _number("--cpr", "Counts a revolution of an incremental encoder: 4 times its lines (PPR).")
+    ] = None,
     bus_voltage: Annotated[Text, _number("--bus-voltage", "Voltage of the supply, in V.")] = None,
     current_limit: Annotated[
         Text, _number("--current-limit", "Largest current that the drive gives a phase (peak), in A.")
@@ -405,8 +408,13 @@ def _show_ranking(study: Study, guesses: Any, path: Path) -> None:
 
 def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
     """What the command says of a ranking, in lines of at most LINE_COLUMNS."""
-    lines = ["", *_wrapped(_answer(study, ranking))]
+    from cogless.design.answers import answer_of
+
+    design = answer_of(study, "harmonic")
+    lines = ["", *_wrapped(_answer(study, ranking, design))]
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
+    if design is not None and design.verdict == "not worth it":  # the guesses are of what harmonic leaves
+        effects = []
     if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         lines += ["", f"{count} most. Measure or look up first:"]
@@ -421,9 +429,7 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
     ]
 
 
-def _answer(study: Study, ranking: Ranking) -> str:
-    from cogless.design.answers import doubt
-
+def _answer(study: Study, ranking: Ranking, design: Answer | None) -> str:
     speed = _rpm(next(iter(study.scenario.values())).top_reference)
     if not ranking.learned.holds:
         text = f"With these numbers harmonic does not hold {speed}: {ranking.learned.why}."
@@ -432,8 +438,9 @@ def _answer(study: Study, ranking: Ranking) -> str:
     if not ranking.baseline.holds:
         before = f"the PI does not hold the speed ({ranking.baseline.why})"
     text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
-    why = doubt(study, "harmonic")
-    return f"{text} Another run may leave more: {why}." if why else text
+    if design is not None and design.verdict == "not worth it":
+        return f"{text} Learning is {design.words}."
+    return f"{text} Another run may leave more: {design.doubt}." if design and design.doubt else text
 
 
 def _why_not(study: Study) -> str:
