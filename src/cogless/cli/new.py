@@ -33,7 +33,7 @@ QUESTIONS: dict[str, tuple[Kind, str, str]] = {
     "drive": ("drives", "Which drive?", "generic"),
     "encoder": ("encoders", "Which position sensor?", "as5047"),
 }
-EXAMPLES = {"motor": "gimbal", "drive": "generic", "encoder": "as5047"}  # that fit each other
+EXAMPLES = {"motor": "gimbal", "drive": "generic", "encoder": "as5047"}  # The three fit each other.
 
 
 def _name(flag: str, help: str) -> Any:
@@ -214,19 +214,19 @@ def _request(
 
     numbers = {flag: parse_number(flag, text) for flag, text in texts.items()}
     speeds = parse_speeds(speed_texts)
-    known = {
+    chosen_parts = {
         "motor": chosen["motor"] or _motor_by(numbers),
         "drive": chosen["drive"] or ("generic" if "current-rate" in numbers else None),
         "encoder": chosen["encoder"] or _encoder_by(numbers),
     }
-    for flag, name in known.items():
+    for flag, name in chosen_parts.items():
         if name is not None:
             check_name(flag, QUESTIONS[flag][0], name)
     if not asks():
-        _check_complete(known, numbers)
-    motor = _part("motor", known["motor"])
+        _check_complete(chosen_parts, numbers)
+    motor = _part("motor", chosen_parts["motor"])
     _ask_motor(motor, numbers)
-    drive, encoder = _part("drive", known["drive"]), _part("encoder", known["encoder"])
+    drive, encoder = _part("drive", chosen_parts["drive"]), _part("encoder", chosen_parts["encoder"])
     if asks() and not speeds:
         text = "Speed that matters to you, in r/min (several: 5, 40)"
         speeds = _ask_unless("speed", text, "slow", lambda answer: parse_speeds([answer])) or ()
@@ -253,10 +253,10 @@ def _part(flag: str, name: str | None) -> str:
     return str(_ask(flag, question))
 
 
-def _check_complete(known: Mapping[str, str | None], numbers: Mapping[str, Any]) -> None:
+def _check_complete(chosen_parts: Mapping[str, str | None], numbers: Mapping[str, Any]) -> None:
     """Refuse a command without some of what no guess replaces: a StudyError with all of it, by examples."""
-    own = _needed_numbers(numbers) if known["motor"] == "own" else {}
-    examples = {flag: EXAMPLES[flag] for flag, name in known.items() if name is None}
+    own = _needed_numbers(numbers) if chosen_parts["motor"] == "own" else {}
+    examples = {flag: EXAMPLES[flag] for flag, name in chosen_parts.items() if name is None}
     examples |= {flag: default for flag, (_, default) in own.items()}
     if examples:
         words = " ".join(f"--{flag} {example}" for flag, example in examples.items())
