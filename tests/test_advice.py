@@ -105,6 +105,26 @@ initial_speed = "240 rpm"
 law = "harmonic"
 tuning = { rule = "auto" }
 """
+# A small motor on a drive whose current sensors are for large currents.
+SMALL_LIMIT = """title = "A gimbal motor on a large drive"
+motor = { datasheet = "gm5208", cogging = [ {order = 84, torque = "4 mN*m"} ] }
+[mechanics]
+inertia = "2.5e-5 kg*m^2"
+coulomb_friction = "3 mN*m"
+[drive]
+rates = { current_loop = "30 kHz", speed_loop = "6 kHz" }
+current_loop = { bandwidth = "1200 Hz", current_limit = "10 mA" }
+inverter = { bus_voltage = "24 V" }
+current_sensors = { noise = "58.6 mA", bits = 12, range = "120 A" }
+position_sensor = { kind = "absolute", bits = 14, speed_method = "observer", observer_bandwidth = "300 Hz" }
+[scenario.slow]
+duration = "4 s"
+reference = "20 rpm"
+initial_speed = "20 rpm"
+[controller.pi]
+law = "pi"
+tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+"""
 SLOW_SKY = {"scenario.slow.reference": "0.1 rpm", "scenario.slow.duration": "40 s"}
 TABLE = """title = "A table"
 [motor]
@@ -471,6 +491,15 @@ CASES: dict[str, list[Case]] = {
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA",
                         "drive.current_reference.field_weakening": True}, "the limits of current and "
         "voltage there allow"),
+        Case(SMALL_LIMIT, NONE, "current_max = ", left=0.5),
+        Case(SMALL_LIMIT, {**NONE, "drive.current_sensors.sensors": 2}, "current_max = ", left=0.5),
+    ],
+    "design.current_needed.noisy_currents": [
+        Case(SMALL_LIMIT, {**NONE, "drive.current_loop.current_limit": "0.2 A"}, "switch the drive off",
+             left=0.5),
+        Case(SMALL_LIMIT, {**NONE, "drive.current_loop.current_limit": "2 A",
+                           "drive.current_sensors.offset": ["0.5 A", "0.5 A", "0.5 A"]},
+             "switch the drive off", left=0.5),
     ],
     "design.trials.gains._warnings": [
         trials(ilc(shift=2), "can grow", measure=growth, left=0.0),

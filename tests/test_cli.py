@@ -264,6 +264,9 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
     assert "* best; (x) times the value of PI [red]" in said
     report = (tmp_path / "report.html").read_text()
     assert "[b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in report
+    _, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/mine")
+    assert "no controller holds the speed from 0.1 to 0.3 s: mine mean 0 of 60 rpm." in out
+    assert out.count("mean 0 of 60 rpm") == 1
 
 
 def test_a_directory_that_cannot_be_written_is_found_before_the_run(

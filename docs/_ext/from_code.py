@@ -32,6 +32,9 @@ from cogless.study.speed_study import Study
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import TrialStudy
 
+UNBUILT = re.compile(
+    r"^\*Without `make docs`.*?\*\n\n", re.MULTILINE | re.DOTALL
+)  # a page's note of its tables
 OWN_LAWS = "cogless.study.laws.own"
 log = logging.getLogger(__name__)
 
@@ -269,14 +272,14 @@ def check(app: Any, env: Any) -> None:
 
 
 def other_laws(app: Any, page: str, source: list[str]) -> None:
-    """Write the laws that a page does not name where it leaves room for them.
+    """Write the laws that a page does not name where it leaves room for them; without its note of tables.
 
     Such room is a line `laws/{others}` in a list of pages, and `{other-laws}` among the keys of controllers.
     """
     from cogless.study.laws import AnyController, law_name
 
     models = {law_name(model): model for model in get_args(AnyController) if model.__module__ != OWN_LAWS}
-    text = source[0]
+    text = UNBUILT.sub("", source[0])
     paths = "".join(f"laws/{name}\n" for name in models if f"\nlaws/{name}\n" not in text)
     tables = "\n\n".join(
         f"## {name}\n\n[The law](../laws/{name}.md).\n\n"

@@ -270,6 +270,27 @@ def test_share_of_limited_periods_is_that_of_drawn_voltages(
     assert (remark is not None) is bool(drawn > 0.1)
 
 
+def test_a_law_of_hall_sensors_without_an_order_of_the_torque_is_not_worth_it(tmp_path: Path) -> None:
+    """15 pole pairs give the misplaced edges order 15: the law learns up to 14, the cogging has 27 and up.
+
+    The learning does harm in the run. With the encoder that is advised it leaves less than the PI.
+    """
+    _, draft = drafts.written(tmp_path, drafts.request("hub", "vesc", "hall"))
+    says = "it learns orders 1 to 14, but the torque has orders 27, 30, 270"
+    assert answer(draft) == f"not worth it: {says}"
+    assert ratio(draft) > 0.9
+    one = {"order": 3, "torque": "50 mN*m"}
+    with_order = [*draft.source.tables["motor"]["cogging"], one]
+    assert answer(changed(draft, {"motor.cogging": with_order})).startswith("yes")
+    numbers = {"pole_pairs": 15, "kv": 16, "resistance": 0.4}
+    _, draft = drafts.written(tmp_path, drafts.request("hub", "odrive", "hall", **numbers))
+    (cure,) = to_dict(draft)["controllers"]["harmonic"]["answer"]["cures"]
+    assert answer(draft).startswith(f"not worth it: {says}; drive.position_sensor = ")
+    cured = changed(draft, cure)
+    assert answer(cured).startswith("yes, ")
+    assert ratio(cured) < 0.6 < 0.9 < ratio(draft)
+
+
 @pytest.mark.parametrize(
     ("order", "base", "amplitude", "bends"), [(200, 50, 0.005, 0), (12, 1, 0.1, 0), (270, 3, 0.004, 1)]
 )

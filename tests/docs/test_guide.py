@@ -19,6 +19,24 @@ from cogless.study.trial_study import EitherWay
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 
 
+PAGES = [*(GUIDE.parent / "reference").glob("*.md"), GUIDE / "command-line.md"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_with_tables_of_keys_says_at_its_top_where_they_are_before_the_docs_are_built(
+    page: Path,
+) -> None:
+    """The tables are made from models: the note links each of their files."""
+    text = page.read_text(encoding="utf-8")
+    modules = re.findall(r"^```\{study-table\} (.*)\.[A-Z]\w*$", text, re.MULTILINE)
+    note = text.split("\n\n")[1]
+    assert note.startswith("*Without `make docs`") is bool(modules or "```{command}" in text)
+    linked = [page.parent / link for link in re.findall(r"\]\((.*?)\)", note)] if modules else []
+    files = [GUIDE.parents[1] / "src" / "cogless" / "study" / f"{m.replace('.', '/')}.py" for m in modules]
+    assert all(link.exists() for link in linked)
+    assert all(any(file.samefile(p) or file.parent.samefile(p) for p in linked) for file in files)
+
+
 def models_within(entry: Any, found: set[type[Table]]) -> set[type[Table]]:
     """The models of a type, and of their fields."""
     if isinstance(entry, type) and issubclass(entry, Table):

@@ -257,8 +257,8 @@ def test_an_uneven_spacing_of_rows_is_told_from_a_twentieth_of_a_period_of_jitte
         ),
         (
             {**COLUMNS, "counts": COLUMNS["counts"] + 1500.0 * (np.arange(1000) >= 60)},
-            "counts: row 61: the angle jumps, and only 60 rows are before the jump: expected 100 or more "
-            "of an encoder's angle, not one of Hall sensors",
+            "counts: row 61: the angle jumps after only 60 rows: expected 100 or more before a jump, "
+            "and an encoder's angle, not one of Hall sensors",
         ),
     ],
 )

@@ -58,7 +58,7 @@ def case(study, *lines, worsened=()):
     [
         (
             {"pi": 1, "fair": 2, "missed": ["pi", "fair"]}, (), "worse",
-            f"no controller holds the speed from 8 to 10 s: {PI} mean 0 of 60 rpm, {FAIR} mean 0 of 60 rpm.",
+            f"no controller holds the speed from 8 to 10 s: {PI} and {FAIR} mean 0 of 60 rpm.",
         ),
         ({"ilc": 1}, (), "even", f"speed ripple: {ILC} 1.00 rpm."),
         ({"pi": 1}, (), "even", f"speed ripple: {PI} 1.00 rpm."),

@@ -468,15 +468,29 @@ def test_a_winding_of_a_phase_is_doubled_between_terminals(tmp_path: Path) -> No
         ({"cogging": 300}, "; perhaps you mean 300 mN*m"),
         ({"slots": 37}, "--slots: 37: no winding has three equal phases with 40 poles: "
                         "expected a number such as 36 or 39"),
+        ({"inertia": None, "load_inertia": 400}, "usual value of the load of such a motor, "),
+        ({"inertia": None, "load_inertia": 0.64}, ""),
         ({"inertia": 0.021, "inductance": 0.55, "cogging": 0.3, "friction": 0.1}, ""),
     ],
 )  # fmt: skip
 def test_a_number_far_from_the_class_is_doubted(
     tmp_path: Path, numbers: dict[str, object], doubt: str
 ) -> None:
-    of = request("hub", "vesc", "as5048", **{**HUB, "torque_constant": 0.95, "resistance": 0.56, **numbers})
+    all_numbers = {**HUB, "torque_constant": 0.95, "resistance": 0.56, **numbers}
+    stated = {flag: number for flag, number in all_numbers.items() if number is not None}
+    of = request("hub", "vesc", "as5048", **stated)
     doubts = draft(of, "Mine", tmp_path / "mine.toml").doubts
     assert (len(doubts), doubt in "".join(doubts)) == (bool(doubt), True)
+
+
+def test_a_load_of_a_hundred_kilograms_on_a_small_step_motor_is_doubted(tmp_path: Path) -> None:
+    """42BYG228 has 22 g cm^2 and longer motors of its size fourfold: ten times these are 820 g cm^2."""
+    of = request("nema17", "stepper", "as5048", load_inertia=100)
+    (doubt,) = draft(of, "Mine", tmp_path / "mine.toml").doubts
+    assert doubt.startswith(
+        '--load-inertia: "100 kg*m^2": 1200000 times the largest usual value of the load '
+    )
+    assert doubt.endswith(", 8.2e-5 kg*m^2; perhaps you mean 100 g*cm^2")
 
 
 def test_each_speed_is_a_scenario(tmp_path: Path) -> None:

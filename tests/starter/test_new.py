@@ -104,16 +104,10 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
          f'--drive: "odrv": expected one of {DRIVES}, perhaps "odrive"'),
         ("--motor gimbal --drive odrive --encoder mt6710",
          f'--encoder: "mt6710": expected one of {ENCODERS}, perhaps "mt6701"'),
-        ("--motor gimbal --drive odrive", f"--encoder: missing: expected one of {ENCODERS}"),
-        ("--motor gimbal --encoder hall", f"--drive: missing: expected one of {DRIVES}"),
-        ("--motor own --drive odrive --encoder hall",
-         "--pole-pairs: missing: expected a number, since the motor is your own"),
-        ("--pole-pairs 7 --drive odrive --encoder hall",
-         "--kv: missing: expected a number, since the motor is your own"),
-        ("--pole-pairs 7 --kv 80 --drive odrive --encoder hall",
-         "--resistance: missing: expected a number, since the motor is your own"),
+        ("--pole-pairs 7 --drive odrv", f'--drive: "odrv": expected one of {DRIVES}, perhaps "odrive"'),
         ("--motor nema17 --drive moteus --encoder hall",
-         '--drive: "moteus": expected one of generic, simplefoc, stepper, since a step motor has two phases'),
+         '--drive: "moteus": expected one of generic, simplefoc, stepper, since a step motor has two phases; '
+         "for a motor with three give another --motor, such as servo"),
         ("--motor gimbal --drive stepper --encoder hall",
          '--drive: "stepper": expected one of generic, moteus, odrive, vesc, simplefoc, '
          "since the motor has three phases"),
@@ -140,6 +134,29 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
 def test_a_mistake_is_one_line(capsys: pytest.CaptureFixture[str], arguments: str, message: str) -> None:
     assert cogless(capsys, "new", "mine", *arguments.split()) == (2, "", f"{message}\n")
     assert not Path("mine.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "missing"),
+    [
+        ("", "motor drive encoder"),
+        ("--motor gimbal --drive odrive", "encoder"),
+        ("--motor gimbal --cpr 4000", "drive"),
+        ("--motor own --drive odrive --encoder hall", "pole-pairs kv resistance"),
+        ("--pole-pairs 7 --current-rate 10000", "encoder kv resistance"),
+        ("--pole-pairs 7 --drive odrive --encoder hall --rated-torque 1 --rated-current 2", "resistance"),
+    ],
+)
+def test_all_that_is_missing_is_in_one_line_whose_examples_are_enough(
+    unranked: None, capsys: pytest.CaptureFixture[str], arguments: str, missing: str
+) -> None:
+    code, out, err = cogless(capsys, "new", "mine", *arguments.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    begin = ", ".join(f"--{flag}" for flag in missing.split())
+    line = re.fullmatch(rf"{begin}: missing: expected such as (.*); cogless new --help lists all\n", err)
+    assert line is not None, err
+    assert re.findall(r"--([a-z-]+)", line[1]) == missing.split()
+    assert cogless(capsys, "new", "mine", *arguments.split(), *line[1].split())[0] == 0
 
 
 def test_a_misspelled_motor_is_told_that_was_meant(capsys: pytest.CaptureFixture[str]) -> None:

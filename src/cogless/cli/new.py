@@ -6,6 +6,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
@@ -18,6 +19,7 @@ from cogless.errors import StudyError
 from cogless.lines import warn
 
 if TYPE_CHECKING:
+    from cogless.design.answers import Answer
     from cogless.starter import Draft, Effect, Ranking, Request
     from cogless.starter.part_catalogue import Kind
     from cogless.study import Study
@@ -31,6 +33,7 @@ QUESTIONS: dict[str, tuple[Kind, str, str]] = {
     "drive": ("drives", "Which drive?", "generic"),
     "encoder": ("encoders", "Which position sensor?", "as5047"),
 }
+EXAMPLES = {"motor": "gimbal", "drive": "generic", "encoder": "as5047"}  # The three fit each other.
 
 
 def _name(flag: str, help: str) -> Any:
@@ -91,7 +94,11 @@ def new(
     ] = None,
     inertia: Annotated[Text, _number("--inertia", "Inertia of rotor and load together, in kg*m^2.")] = None,
     load_inertia: Annotated[
-        Text, _number("--load-inertia", "Inertia of the load alone, in kg*m^2; the rotor's is guessed.")
+        Text,
+        _number(
+            "--load-inertia",
+            "Inertia of the load alone, in kg*m^2; usually at most 10 times the rotor's, which is guessed.",
+        ),
     ] = None,
     rated_current: Annotated[
         Text,
@@ -113,7 +120,9 @@ def new(
     ] = None,
     friction: Annotated[Text, _number("--friction", "Friction torque of the turning rotor, in N*m.")] = None,
     bits: Annotated[Text, _number("--bits", "Bits of an absolute encoder.")] = None,
-    cpr: Annotated[Text, _number("--cpr", "Counts a revolution of an incremental encoder.")] = None,
+    cpr: Annotated[
+        Text, _number("--cpr", "Counts a revolution of an incremental encoder: 4 times its lines (PPR).")
+    ] = None,
     bus_voltage: Annotated[Text, _number("--bus-voltage", "Voltage of the supply, in V.")] = None,
     current_limit: Annotated[
         Text, _number("--current-limit", "Largest current that the drive gives a phase (peak), in A.")
@@ -188,10 +197,8 @@ def asks() -> bool:
     return sys.stdin.isatty()
 
 
-def _ask(flag: str, question: _Question, expected: str) -> Any:
-    """The answer to a question; without a terminal a StudyError that names the flag."""
-    if not asks():
-        raise StudyError(f"--{flag}: missing: expected {expected}")
+def _ask(flag: str, question: _Question) -> Any:
+    """The answer to a question."""
     while True:
         answer = typer.prompt(question.text, default=question.default)
         try:
@@ -203,14 +210,23 @@ def _ask(flag: str, question: _Question, expected: str) -> Any:
 def _request(
     chosen: Mapping[str, str | None], texts: Mapping[str, str], speed_texts: Sequence[str]
 ) -> Request:
-    from cogless.starter.request import Request, parse_number, parse_speeds
+    from cogless.starter.request import Request, check_name, parse_number, parse_speeds
 
     numbers = {flag: parse_number(flag, text) for flag, text in texts.items()}
     speeds = parse_speeds(speed_texts)
-    motor = _part("motor", chosen["motor"] or _motor_by(numbers))
+    chosen_parts = {
+        "motor": chosen["motor"] or _motor_by(numbers),
+        "drive": chosen["drive"] or ("generic" if "current-rate" in numbers else None),
+        "encoder": chosen["encoder"] or _encoder_by(numbers),
+    }
+    for flag, name in chosen_parts.items():
+        if name is not None:
+            check_name(flag, QUESTIONS[flag][0], name)
+    if not asks():
+        _check_complete(chosen_parts, numbers)
+    motor = _part("motor", chosen_parts["motor"])
     _ask_motor(motor, numbers)
-    drive = _part("drive", chosen["drive"] or ("generic" if "current-rate" in numbers else None))
-    encoder = _part("encoder", chosen["encoder"] or _encoder_by(numbers))
+    drive, encoder = _part("drive", chosen_parts["drive"]), _part("encoder", chosen_parts["encoder"])
     if asks() and not speeds:
         text = "Speed that matters to you, in r/min (several: 5, 40)"
         speeds = _ask_unless("speed", text, "slow", lambda answer: parse_speeds([answer])) or ()
@@ -225,17 +241,27 @@ def _part(flag: str, name: str | None) -> str:
     """The name of a part of the catalogue, which is asked for if it is missing."""
     from cogless.starter.request import check_name, names
 
-    kind, text, default = QUESTIONS[flag]
     if name is not None:
-        return check_name(flag, kind, name)
+        return name
+    kind, text, default = QUESTIONS[flag]
     choices = names(kind)
-    if asks():
-        width = max(map(len, choices))
-        room = LINE_COLUMNS - width - 4
-        for choice, description in choices.items():
-            print(f"  {choice:<{width}}  {textwrap.shorten(description, room, placeholder=' ...')}")
+    width = max(map(len, choices))
+    room = LINE_COLUMNS - width - 4
+    for choice, description in choices.items():
+        print(f"  {choice:<{width}}  {textwrap.shorten(description, room, placeholder=' ...')}")
     question = _Question(text, default, lambda answer: check_name(flag, kind, answer))
-    return str(_ask(flag, question, f"one of {', '.join(choices)}"))
+    return str(_ask(flag, question))
+
+
+def _check_complete(chosen_parts: Mapping[str, str | None], numbers: Mapping[str, Any]) -> None:
+    """Refuse a command without some of what no guess replaces: a StudyError with all of it, by examples."""
+    own = _needed_numbers(numbers) if chosen_parts["motor"] == "own" else {}
+    examples = {flag: EXAMPLES[flag] for flag, name in chosen_parts.items() if name is None}
+    examples |= {flag: default for flag, (_, default) in own.items()}
+    if examples:
+        words = " ".join(f"--{flag} {example}" for flag, example in examples.items())
+        missing = ", ".join(f"--{flag}" for flag in examples)
+        raise StudyError(f"{missing}: missing: expected such as {words}; {program()} new --help lists all")
 
 
 def _motor_by(numbers: Mapping[str, Any]) -> str | None:
@@ -257,15 +283,27 @@ def _encoder_by(numbers: Mapping[str, Any]) -> str | None:
 
 def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
     """Ask for the numbers without which a motor of one's own can't be described."""
+    from cogless.starter.request import parse_number
+
     if motor == "own":
-        _require("pole-pairs", "Pole pairs (half the number of magnets)", "7", numbers)
-        if not CONSTANTS & numbers.keys() and not ({"rated-torque", "rated-current"} <= numbers.keys()):
-            _require("kv", "Kv, r/min per volt of the battery", "80", numbers)
-        _require("resistance", "Resistance between two terminals, in ohm", "0.5", numbers)
+        for flag, (text, default) in _needed_numbers(numbers).items():
+            numbers[flag] = _ask(flag, _Question(text, default, partial(parse_number, flag)))
         if asks():
             _ask_number("cogging", COGGING_QUESTION, "guess", numbers)
     elif asks():
         _ask_of_class(motor, numbers)
+
+
+def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """Numbers without which a motor of one's own can't be described: flag -> question and default."""
+    needed = {
+        "pole-pairs": ("Pole pairs (half the number of magnets)", "7"),
+        "kv": ("Kv, r/min per volt of the battery", "80"),
+        "resistance": ("Resistance between two terminals, in ohm", "0.5"),
+    }
+    if CONSTANTS & numbers.keys() or {"rated-torque", "rated-current"} <= numbers.keys():
+        del needed["kv"]
+    return {flag: question for flag, question in needed.items() if flag not in numbers}
 
 
 COGGING_QUESTION = "Cogging torque, half of peak to peak, in N*m"
@@ -320,14 +358,6 @@ def _say_not_asked(motor: str, numbers: Mapping[str, Any]) -> None:
 NOT_ASKED = ("inertia", "inductance", "slots", "friction", "rated-current", "bus-voltage", "current-limit")
 
 
-def _require(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
-    from cogless.starter.request import parse_number
-
-    if flag not in numbers:
-        question = _Question(text, default, lambda answer: parse_number(flag, answer))
-        numbers[flag] = _ask(flag, question, "a number, since the motor is your own")
-
-
 def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
     """Ask for a number that may stay unknown: the default leaves it so."""
     from cogless.starter.request import parse_number
@@ -342,7 +372,7 @@ def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> 
 def _ask_unless(flag: str, text: str, default: str, take: Callable[[str], Any]) -> Any:
     """The answer to a question, as `take` makes it; None for the default."""
     question = _Question(text, default, lambda answer: None if answer == default else take(answer))
-    return _ask(flag, question, "a number")
+    return _ask(flag, question)
 
 
 # what is written and said
@@ -378,8 +408,13 @@ def _show_ranking(study: Study, guesses: Any, path: Path) -> None:
 
 def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
     """What the command says of a ranking, in lines of at most LINE_COLUMNS."""
-    lines = ["", *_wrapped(_answer(study, ranking))]
+    from cogless.design.answers import answer_of
+
+    design = answer_of(study, "harmonic")
+    lines = ["", *_wrapped(_answer(study, ranking, design))]
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
+    if design is not None and design.verdict == "not worth it":  # the guesses are of what harmonic leaves
+        effects = []
     if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         lines += ["", f"{count} most. Measure or look up first:"]
@@ -394,9 +429,7 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
     ]
 
 
-def _answer(study: Study, ranking: Ranking) -> str:
-    from cogless.design.answers import doubt
-
+def _answer(study: Study, ranking: Ranking, design: Answer | None) -> str:
     speed = _rpm(next(iter(study.scenario.values())).top_reference)
     if not ranking.learned.holds:
         text = f"With these numbers harmonic does not hold {speed}: {ranking.learned.why}."
@@ -405,8 +438,9 @@ def _answer(study: Study, ranking: Ranking) -> str:
     if not ranking.baseline.holds:
         before = f"the PI does not hold the speed ({ranking.baseline.why})"
     text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
-    why = doubt(study, "harmonic")
-    return f"{text} Another run may leave more: {why}." if why else text
+    if design is not None and design.verdict == "not worth it":
+        return f"{text} Learning is {design.words}."
+    return f"{text} Another run may leave more: {design.doubt}." if design and design.doubt else text
 
 
 def _why_not(study: Study) -> str:

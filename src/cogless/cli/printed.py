@@ -50,7 +50,9 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
             _print_metrics(study, lines, controllers)
             marked |= {*controllers}
         limit = report.limit(results, scenario)
-        sentences = [f"! {remark}" for remark in remarks(study, lines)]
+        headline = verdict.headline if verdict is not None else ""
+        reasons = [(remark, remark.partition(": ")[2]) for remark in remarks(study, lines)]
+        sentences = [f"! {remark}" for remark, why in reasons if not why or why not in headline]
         if verdict is not None:
             sentences += [f"! {doubt}" for doubt in verdict.doubts]
         sentences += [str(limit or ""), verdict.cost if verdict is not None else ""]

@@ -10,11 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from cogless import units
+from cogless.catalogue import sensor_bits
+from cogless.design.angle_functions import functions_in
 from cogless.design.back_emf import is_covered, is_unstable_with_back_emf, response_factors
 from cogless.design.changes import either, first
 from cogless.design.current_needed import noisy_voltage
 from cogless.design.gentler import other_law_rates
-from cogless.design.laws.harmonic import Certificate, certificate
+from cogless.design.laws.harmonic import Certificate, certificate, learner
 from cogless.design.margins import finite
 from cogless.design.sensor_limits import Remaining, remaining
 from cogless.design.settling import Settling, left_out, settling
@@ -24,6 +26,7 @@ from cogless.design.verdict import Kind
 from cogless.study import Study
 from cogless.study.base import speed_text, spoken_unit
 from cogless.study.numerics import voltage_reach
+from cogless.study.position_sensor import Hall
 from cogless.study.reading import Changes
 from cogless.units import ANGULAR_SPEED
 
@@ -58,8 +61,13 @@ class Answer:
 
 def doubt(study: Study, name: str) -> str:
     """Why the design is not sure of a controller's learning, as a clause; "" if it is sure."""
-    answer_here = answer(study, name, design(study, name)) if study.controller[name].learns else None
-    return answer_here.doubt if answer_here is not None else ""
+    own_answer = answer_of(study, name)
+    return own_answer.doubt if own_answer is not None else ""
+
+
+def answer_of(study: Study, name: str) -> Answer | None:
+    """The answer for a controller that learns while it runs; None for another."""
+    return answer(study, name, design(study, name)) if study.controller[name].learns else None
 
 
 def to_dict(study: Study) -> dict[str, Any]:
@@ -152,7 +160,11 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         at_speeds = remaining(study, name, certificate)
         doubt = _limited_voltage(study, name) or _heavier_than_certified(study, certificate)
         cures = () if doubt else _quieter_rates(study, name, at_speeds)
-        if not doubt and (worthless := _not_worth_it(study, at_speeds)):
+        worthless = "" if doubt else _not_worth_it(study, at_speeds)
+        if orders := _learned_in_vain(study, name):
+            worthless, cures = orders, _encoders(study, name)
+            worthless += f"; {either(cures)} would do" if cures else ""
+        if worthless:
             return Answer(
                 "not worth it", worthless, settling=times, left_out=lacks, remaining=at_speeds, cures=cures
             )
@@ -214,6 +226,36 @@ def _quieter_rates(study: Study, name: str, speeds: Sequence[Remaining]) -> tupl
         return certified.fine and all(speed.modelled and speed.worth_it for speed in after)
 
     return first(study, other_law_rates(study), is_quiet)
+
+
+def _learned_in_vain(study: Study, name: str) -> str:
+    """The answer where the torque has no order that `harmonic` learns; "" if it has one, or may have it.
+
+    A torque constant that ripples has sums and differences of orders, and an angle table has all of them.
+    """
+    of_scenarios = [functions_in(study, scenario) for scenario in study.scenarios_of(name)]
+    orders = sorted({order for functions in of_scenarios for order in functions.torque.orders})
+    own_learner = learner(study, name)
+    is_clear = not any(functions.K.orders or functions.torque.table for functions in of_scenarios)
+    if not orders or not is_clear or any(own_learner.learns(order) for order in orders):
+        return ""
+    has = f"order{'s' * (len(orders) > 1)} {', '.join(map(str, orders))}"
+    return f"not worth it: it learns {own_learner.order_words}, but the torque has {has}"
+
+
+def _encoders(study: Study, name: str) -> tuple[Changes, ...]:
+    """The coarsest encoder of the catalogue, in place of Hall sensors, with which learning is worth it."""
+    if not isinstance(study.drive.position_sensor, Hall):
+        return ()
+
+    def is_worth_it(other: Study) -> bool:
+        cured = answer_of(other, name)
+        return cured is not None and cured.verdict == "yes"
+
+    bits = sorted({*sensor_bits().values()})
+    return first(
+        study, ({"drive.position_sensor": {"kind": "absolute", "bits": n}} for n in bits), is_worth_it
+    )
 
 
 def _not_worth_it(study: Study, speeds: Sequence[Remaining]) -> str:

@@ -24,7 +24,7 @@ from cogless.design.closed_loop import Linear
 from cogless.design.margins import Real
 from cogless.design.ripple import measured_noise
 from cogless.design.speed_loop import slower_loop
-from cogless.study import Study, for_scenario
+from cogless.study import Study, changed, for_scenario
 from cogless.study.drive import StarBelief
 from cogless.study.motion import course
 from cogless.study.motor import StarMotor
@@ -33,9 +33,11 @@ from cogless.study.reading import Changes, Remark
 
 D_POINTS = 20_001  # i_d for which the largest torque is computed
 WAVE_POINTS = 8  # angles in a wave of the highest order
+LIMIT = "drive.current_loop.current_limit"
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
 LIMITED_SHARE_MOST = 0.1  # largest share of the law's periods that is not warned of
 NOISE_DEVIATIONS, NOISE_POINTS = 5, 100  # standard deviations of a normal distribution, and points for them
+TRIP_DEVIATIONS = 6  # a normal noise is beyond them once in 5e8 samples: in some hours at 20 kHz
 
 
 @dataclass(frozen=True)
@@ -150,11 +152,54 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
         )
 
     def cured(other: Study) -> bool:
-        return needed(other, scenario).most <= _available(other, scenario)
+        return needed(other, scenario).most <= _available(other, scenario) and not _trips(other, scenario)
 
-    more: Changes = {"drive.current_loop.current_limit": unit_text(CURRENT_RESERVE * needs.most, "A")}
-    cures = helping(study, (more,), cured)
+    more: Changes = {LIMIT: unit_text(CURRENT_RESERVE * needs.most, "A")}
+    wider = {**more, **_wider_bounds(changed(study, more), scenario)}
+    cures = helping(study, (wider,), cured)
     return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+
+
+def noisy_currents(study: Study, scenario: str) -> Remark | None:
+    """Warning of noise of the current sensors that the monitor takes for a fault; None if it does not.
+
+    A change that `too_much_current` advises cures this, too, and is enough.
+    """
+    trips, more_current = _trips(study, scenario), too_much_current(study, scenario)
+    if not trips or (more_current is not None and more_current.cures):
+        return None
+    bounds = for_scenario(study, scenario).drive.plausible_currents(study.motor.star().phases)
+    reach = ", ".join(f"{key} is {bounds[key]:.3g} A, noise reaches {trips[key]:.3g} A" for key in trips)
+    sentence = f"noise of the current sensors makes the monitor switch the drive off: {reach}"
+
+    cures = helping(study, (_wider_bounds(study, scenario),), lambda other: not _trips(other, scenario))
+    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+
+
+def _wider_bounds(study: Study, scenario: str) -> Changes:
+    """Bounds of the monitor beyond what noise reaches, by key, for those that it exceeds."""
+    return {
+        f"drive.monitor.{key}": unit_text(CURRENT_RESERVE * reach, "A")
+        for key, reach in _trips(study, scenario).items()
+    }
+
+
+def _trips(study: Study, scenario: str) -> dict[str, float]:
+    """What the sensors' noise and errors reach, A, by the key of each bound of the monitor that it exceeds.
+
+    The current vector is at its limit. The sum of three phases is zero but for the errors.
+    """
+    of = for_scenario(study, scenario)
+    drive, sensors, phases = of.drive, of.drive.current_sensors, of.motor.star().phases
+    limit = drive.current_loop.current_limit
+    turns = np.exp(1j * math.tau * np.arange(3) / 3)
+    errors = abs(sum(sensors.offset)) + limit * abs(np.sum(turns * sensors.gain_error))
+    reach = {
+        "current_max": limit + TRIP_DEVIATIONS * math.sqrt(measured_noise(of)),
+        "current_sum": errors + TRIP_DEVIATIONS * math.sqrt(3 * sensors.variance),
+    }
+    bounds = drive.plausible_currents(phases)
+    return {key: value for key, value in reach.items() if 0 < bounds[key] < value}
 
 
 def noisy_voltage(study: Study, scenario: str) -> Remark | None:

@@ -176,16 +176,10 @@ def current_noise(study: Study, plant: SpeedLoop, feedback: Linear) -> float:
 
 
 def measured_noise(study: Study) -> float:
-    """Variance of the measured i_q, A^2, by noise of the current sensors, as a mean over the angle.
-
-    Their converter's steps count as white noise, too: of a step q, q^2 / 12.
-    """
+    """Variance of the measured i_q, A^2, by noise of the current sensors, as a mean over the angle."""
     if study.drive.ideal:
         return 0.0
-    sensors = study.drive.current_sensors
-    step = 2 * sensors.range / 2**sensors.bits if sensors.bits else 0.0
-    of_phase = sensors.noise**2 + step**2 / 12
-    return of_phase * float(np.sum(_axes(study)[1] ** 2)) / 2
+    return study.drive.current_sensors.variance * float(np.sum(_axes(study)[1] ** 2)) / 2
 
 
 def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:

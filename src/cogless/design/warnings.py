@@ -20,7 +20,7 @@ from cogless.design import verdict as learning
 from cogless.design.back_emf import back_emf_warning
 from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
-from cogless.design.current_needed import noisy_voltage, starts_after, too_much_current
+from cogless.design.current_needed import noisy_currents, noisy_voltage, starts_after, too_much_current
 from cogless.design.detent import Swing, snaps, swing, turns_from
 from cogless.design.gentler import (
     finer_sensor,
@@ -364,7 +364,15 @@ def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:
     A reference may be too fast for the bus voltage, for the current loop or for the age of the angle, too
     slow for the position sensor, or need more current than the limit.
     """
-    all_of = (_out_of_reach, unstable_turning, late_angle, too_much_current, noisy_voltage, reads_zero)
+    all_of = (
+        _out_of_reach,
+        unstable_turning,
+        late_angle,
+        too_much_current,
+        noisy_currents,
+        noisy_voltage,
+        reads_zero,
+    )
     remarks = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
     return [remark.with_key(f"scenario.{name}") for name, remark in remarks if remark is not None]
 

@@ -233,7 +233,8 @@ def _merged(logs: DriveLogs, columns: Path | None, adapter: Adapter) -> dict[str
     other = next((key for key in own if key not in OWN_TABLES), None)
     if other is not None:
         raise StudyError(
-            f"{columns}: {other}: expected none beside --drive: {adapter.name} knows its columns"
+            f"{columns}: {other}: expected one of {', '.join(OWN_TABLES)}; "
+            f"with --drive, cogless knows the columns of {adapter.name}"
         )
     motor = own.get("motor", {})
     drive = own.get("drive", {})

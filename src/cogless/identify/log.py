@@ -439,7 +439,7 @@ def _timed(
         whole = _slip(name, signals["theta"], identification.step, ends, remarks)
         if whole < TIMED_ROWS_LEAST:
             heading = _heading(identification, "theta")
-            jumps = f"{where}: {heading}: row {whole + 1}: the angle jumps, and only {whole} "
+            jumps = f"{where}: {heading}: row {whole + 1}: the angle jumps after only {whole} rows"
             degrees = np.unwrap(np.radians(raw))
             has_unit = bool(identification.columns["theta"].unit)
             if not has_unit and _slip(name, degrees, identification.step, ends, []) == len(t):
@@ -448,14 +448,13 @@ def _timed(
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
                 raise AdvisedError(
                     Advice(
-                        f"{jumps}rows are before the jump; read as degrees the angle would not jump: "
-                        f"expected {lines}",
+                        f"{jumps}; read as degrees it would not: expected {lines}",
                         cure,
                     )
                 )
             raise StudyError(
-                f"{jumps}rows are before the jump: expected {TIMED_ROWS_LEAST} or more of an encoder's "
-                "angle, not one of Hall sensors"
+                f"{jumps}: expected {TIMED_ROWS_LEAST} or more before a jump, "
+                "and an encoder's angle, not one of Hall sensors"
             )
         t, signals = t[:whole], {signal: values[:whole] for signal, values in signals.items()}
         _units_agree(where, t, signals, identification)

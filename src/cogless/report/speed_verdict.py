@@ -407,7 +407,10 @@ def _headline(case: _Case) -> tuple[str, str]:
     """The tone and the first sentence of the verdict."""
     line, base, ranked, label = case.line, case.baseline, case.ranked, case.label
     if line.missed and not case.holding:
-        speeds = ", ".join(f"{label(c)} {speed}" for c, speed in line.missed.items())
+        by_speed: dict[str, list[str]] = {}
+        for c, speed in line.missed.items():
+            by_speed.setdefault(speed, []).append(label(c))
+        speeds = ", ".join(f"{listed(labels)} {speed}" for speed, labels in by_speed.items())
         return "worse", f"{case.where}, no controller holds the speed from {line.window}: {speeds}."
     if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
         return "even", f"{case.where}, {line.quantity}: {case.values_in_words([*line.values])}."

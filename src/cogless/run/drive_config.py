@@ -21,7 +21,7 @@ from cogless.design.law_rules import rules_of
 from cogless.errors import StudyError
 from cogless.run.own_law import known_drive
 from cogless.study import AnyStudy, Study, for_scenario
-from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief
+from cogless.study.drive import Drive, StarBelief
 from cogless.study.laws.law import Base, LawLoop
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
@@ -32,8 +32,6 @@ from cogless.study.scenario import TorqueMode
 from cogless.units import TURN
 
 SPEED_MARGIN = 1.5  # largest plausible speed / no-load speed
-CURRENT_MARGIN = 2.0  # largest plausible current / current limit
-SUM_SHARE = 0.5  # largest plausible sum of the phases' currents / current limit
 STUCK_ANGLE = 0.5  # rad
 STUCK_STEPS = 4.0  # of the sensor: a quarter of it, at which the angle is doubted, is a step
 STUCK_TIME = 0.1  # s
@@ -58,7 +56,7 @@ def monitor_config(
 
     Only pole pairs and phases are taken from `motor`; its other parameters are those in `belief`.
     """
-    sensor, loop = drive.position_sensor, drive.current_loop
+    sensor = drive.position_sensor
     period = 1 / drive.rates.current_loop
     step, window, resolution = 0.0, 0.0, 0.0
     if isinstance(sensor, Counted):
@@ -82,19 +80,15 @@ def monitor_config(
         "speed_window": window,
         "stuck_angle": max(STUCK_ANGLE + 2 * step, STUCK_STEPS * step),
         "stuck_time": max(STUCK_TIME, _step_time(drive, motor, belief, mechanics, step)),
-        "current_max": 0.0,
-        "current_sum": 0.0,
+        **drive.plausible_currents(motor.phases),
         "bridge": BRIDGE_TIME,
         "hold": HOLD_TIME,
         "phases": 0 if drive.ideal else motor.phases,
     }
-    if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
+    if drive.inverter is not None and not drive.ideal:
         no_load = no_load_speed(drive.inverter.bus_voltage, motor, belief.psi_f)
         fastest = SPEED_MARGIN * no_load * drive.weakening(belief.psi_f, belief.L_d)
         derived["omega_max"] = max(fastest, no_load + resolution) if math.isfinite(fastest) else 0.0
-        derived["current_max"] = CURRENT_MARGIN * loop.current_limit
-        if motor.phases == 3 and drive.current_sensors.sensors == 3:
-            derived["current_sum"] = SUM_SHARE * loop.current_limit
     own_keys = {key: value for key, value in drive.monitor.model_dump().items() if value is not None}
     return derived | own_keys
 

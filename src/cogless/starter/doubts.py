@@ -15,6 +15,7 @@ UNLIKELY_FACTOR = 50.0  # beyond an end of the class's range
 LIKELY_FACTOR = 5.0  # within which another unit is what was meant
 OTHER_UNITS: dict[Dimension, tuple[str, ...]] = {units.INERTIA: ("kg*m^2", "kg*cm^2", "g*cm^2")}
 OF_THE_SIZE = ("rated-torque", "holding-torque", "rated-current")
+LOAD_INERTIA_MOST = 10.0  # of a load / that of its rotor, by a usual rule for the choice of servo motors
 SLOTS_NEAR = 6  # slots, up and down, among which those of a balanced winding are looked for
 STAR_PHASES = 3
 
@@ -47,8 +48,10 @@ def _usual(request: Request, motor: MotorFacts) -> dict[str, tuple[float, float]
         "inertia": part["inertia"].scaled(size.inertia_factor),
     }
     shares = {"cogging": part["cogging"], "detent-torque": part["cogging"], "friction": part["friction"]}
-    return {flag: (figure.low, figure.high) for flag, figure in figures.items()} | {
-        flag: (0.0, figure.high * size.torque) for flag, figure in shares.items()
+    return {
+        **{flag: (figure.low, figure.high) for flag, figure in figures.items()},
+        "load-inertia": (0.0, LOAD_INERTIA_MOST * figures["inertia"].high),
+        **{flag: (0.0, figure.high * size.torque) for flag, figure in shares.items()},
     }
 
 
@@ -61,9 +64,10 @@ def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: flo
     ratio = value / high if value > high else low / value
     times_beyond = "times the largest" if value > high else "times below the smallest"
     extreme = amount(high if value > high else low, dimension)
+    whose = "of the load of such a motor" if flag == "load-inertia" else "of such a motor"
     meant = _meant(answer.text, dimension, low, high)
     return (
-        f'--{flag}: "{answer.text}": {digits(ratio, 2)} {times_beyond} usual value of such a motor, {extreme}'
+        f'--{flag}: "{answer.text}": {digits(ratio, 2)} {times_beyond} usual value {whose}, {extreme}'
         f"{f'; perhaps you mean {meant}' if meant else ''}"
     )
 

@@ -286,7 +286,9 @@ def _check_fit(request: Request, part: Part, drive: Part) -> None:
     phases = 3 if part.layouts else 2
     if phases not in drive.table["phases"]:
         fitting = [name for name, other in parts("drives").items() if phases in other.table["phases"]]
-        kind = "a step motor has two phases" if phases == 2 else "the motor has three phases"
+        kind = "the motor has three phases"
+        if phases == 2:
+            kind = "a step motor has two phases; for a motor with three give another --motor, such as servo"
         raise RequestError("drive", request.drive, f"expected one of {', '.join(fitting)}, since {kind}")
     kinds = {2: "two phases, a step motor", 3: "three phases"}
     for own, names in OF_PHASES.items():

@@ -93,6 +93,8 @@ class Quality(Table):
 
 ENCODER_TABLE_ORDERS = whole_number("CGL_ENCODER_TABLE_ORDERS")
 SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c
+CURRENT_MARGIN = 2.0  # largest plausible current / current limit
+SUM_SHARE = 0.5  # largest plausible sum of the phases' currents / current limit
 PAST_MAX = 100_000  # longest delay in current-loop periods
 TRACE_ROWS_MOST = 20_000_000  # rows of one run: 4 GB with some 25 signals of 8 bytes each
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
@@ -357,6 +359,12 @@ class CurrentSensors(Table):
     sensors: Literal[2, 3] = 3
     """With 2, $i_c = -i_a - i_b$."""
 
+    @property
+    def variance(self) -> float:
+        """Variance of a measured current, A^2. A converter's step q counts as white noise: q^2 / 12."""
+        step = 2 * self.range / 2**self.bits if self.bits else 0.0
+        return self.noise**2 + step**2 / 12
+
 
 class Bus(Table):
     """A bus between the drive and its law, which runs elsewhere, as on a PC."""
@@ -502,6 +510,16 @@ class Drive(Table):
         saliency = (belief.L_q - belief.L_d) / belief.psi_f * limit
         d = -2 * saliency / (1 + math.sqrt(1 + 8 * saliency**2))
         return limit * max(1.0, REACH_SHARE * math.sqrt(1 - d**2) * (1 - saliency * d))
+
+    def plausible_currents(self, phases: int) -> dict[str, float]:
+        """The monitor's bounds of the measured currents, A, by its keys; 0: not watched."""
+        derived = {"current_max": 0.0, "current_sum": 0.0}
+        if self.inverter is not None and not self.ideal:
+            derived["current_max"] = CURRENT_MARGIN * self.current_loop.current_limit
+            if phases == 3 and self.current_sensors.sensors == 3:
+                derived["current_sum"] = SUM_SHARE * self.current_loop.current_limit
+        own = {key: getattr(self.monitor, key) for key in derived}
+        return {key: derived[key] if value is None else value for key, value in own.items()}
 
     def weakening(self, psi_f: float, L_d: float) -> float:
         """Factor by which field weakening raises the speed without load; infinite if $i_d$ can take all the

@@ -464,7 +464,7 @@ def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]]:
         }
     )
     own_learner = learner(study, name)
-    return cogging, [n for n in cogging if n % own_learner.base or n > own_learner.base * own_learner.orders]
+    return cogging, [n for n in cogging if not own_learner.learns(n)]
 
 
 def _not_learned(study: Study, name: str) -> Remark | None:

@@ -34,6 +34,10 @@ class Learner:
     rate_min: float  # 1/s, likewise
     held: tuple[float, ...] = ()  # rad a sample: bands, from and to, in which no order learns
 
+    def learns(self, order: int) -> bool:
+        """Whether an order of a mechanical revolution is among those that it learns."""
+        return order % self.base == 0 and order <= self.base * self.orders
+
     @property
     def order_words(self) -> str:
         """What it learns, as "orders 2, 4 to 256"."""
