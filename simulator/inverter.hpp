@@ -30,6 +30,9 @@ enum class Pwm { centre, edge, two_updates };
 struct Carrier {
     double before;
     bool rises, falls;  // false: the leg is high already at the period's begin, or still at its end, so there is no edge
+
+    // Whether a leg that was high to the end of the period before, with the duty cycle `last`, goes on at the begin without an edge.
+    bool stays(double last) const { return before <= 0.0 && last >= 1.0; }
 };
 
 inline Carrier carrier(Pwm pwm, std::int64_t tick) {
@@ -123,29 +126,13 @@ struct Pulses {
     std::size_t count;
 };
 
-// By how long the dead time delays the rising edge of each leg with a positive current. last: the duty cycles of the period before;
-// a leg that was high to its end does not rise at the begin of this one.
-template <std::size_t legs>
-[[gnu::always_inline]] inline Legs<legs> rise_delays(double dead_time, const Legs<legs>& last, const Carrier& carrier) {
-    Legs<legs> delay;
-    delay.fill(carrier.rises ? dead_time : 0.0);
-    if (carrier.before <= 0.0) {
-#pragma GCC unroll 4
-        for (std::size_t x = 0; x < legs; ++x) {
-            if (last[x] >= 1.0) delay[x] = 0.0;
-        }
-    }
-    return delay;
-}
-
 // While a leg's two transistors are both off, its current flows through a diode: out of the leg through the lower one, so
 // that a positive current delays the rising edge by the dead time, and a negative current the falling edge. The sign is
-// taken at the start of the period.
+// taken at the start of the period. last: the duty cycles of the period before.
 template <std::size_t legs>
 Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, const Legs<legs>& duty, const Legs<legs>& last,
                     const Legs<legs>& current, const Carrier& carrier, double period) {
-    const double fall_delay = carrier.falls ? dead_time : 0.0;
-    const Legs<legs> rise_delay = rise_delays<legs>(dead_time, last, carrier);
+    const double rise_delay = carrier.rises ? dead_time : 0.0, fall_delay = carrier.falls ? dead_time : 0.0;
     Legs<legs> rise, fall, drop;
     std::array<double, 2 * legs> edge;  // s, sorted
 #pragma GCC unroll 4
@@ -157,7 +144,7 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
             const bool out = current[x] >= 0.0;
             const double begin = carrier.before * period * (1.0 - duty[x]);
             fall[x] = std::min(begin + period * duty[x] + (out ? 0.0 : fall_delay), period);
-            rise[x] = std::min(begin + (out ? rise_delay[x] : 0.0), fall[x]);
+            rise[x] = std::min(begin + (out && !carrier.stays(last[x]) ? rise_delay : 0.0), fall[x]);
         }
         edge[x] = rise[x];
         edge[legs + x] = fall[x];
@@ -193,14 +180,13 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
 template <std::size_t legs>
 [[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, double device_drop, const Legs<legs>& duty,
                                                  const Legs<legs>& last, const Legs<legs>& current, const Carrier& carrier) {
-    const double fall_share = carrier.falls ? dead_share : 0.0;
-    const Legs<legs> rise_share = rise_delays<legs>(dead_share, last, carrier);
+    const double rise_share = carrier.rises ? dead_share : 0.0, fall_share = carrier.falls ? dead_share : 0.0;
     Legs<legs> u;
     for (std::size_t x = 0; x < legs; ++x) {
         double share = duty[x];
         if (duty[x] > 0.0 && duty[x] < 1.0) {
             // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
-            share += current[x] >= 0.0 ? -std::min(rise_share[x], share)
+            share += current[x] >= 0.0 ? -std::min(carrier.stays(last[x]) ? 0.0 : rise_share, share)
                                        : std::min(fall_share, (1.0 - carrier.before) * (1.0 - share));
         }
         u[x] = bus_voltage * share - dropped(device_drop, current[x]);
