@@ -281,7 +281,8 @@ void read_bridge(const Section& drive, DriveConfig& config) {
     const Section sensors = drive.section("current_sensors");
     const auto pwm = inverter.choice<Pwm>("pwm", {{"centre", Pwm::centre}, {"edge", Pwm::edge}, {"two-updates", Pwm::two_updates}});
     config.inverter = {inverter.get<std::string>("kind") == "switched", pwm, inverter.number("bus_voltage"),
-                       inverter.number("dead_time"), inverter.number("device_drop"), inverter.integer("computation_delay") != 0};
+                       inverter.number("dead_time"), inverter.number("minimum_pulse"), inverter.number("device_drop"),
+                       inverter.integer("computation_delay") != 0};
     config.current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
                               sensors.integer("bits"), sensors.number("range"),
                               config.phases.front().motor.phases == 2 ? 2 : sensors.integer("sensors")};

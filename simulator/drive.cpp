@@ -143,6 +143,7 @@ Drive::Drive(const DriveConfig& config)
       period_(1.0 / current_rate_),
       step_(period_ / config.integration_steps),
       dead_share_(config.inverter.dead_time / period_),
+      least_duty_(least_duty(config.inverter, period_)),
       follows_angle_(follows_angle(config)),
       steps_currents_(steps_currents(config.law)),
       turns_(2.0 * std::numbers::pi * turns_of(config.law)),
@@ -165,6 +166,9 @@ Drive::Drive(const DriveConfig& config)
     }
     if (config_.rows_per_period != 1 && (config_.rows_per_period < 1 || config_.ideal_current || !config_.inverter.switched)) {
         throw std::invalid_argument("rows_per_period: expected 1, or more with a switched inverter");
+    }
+    if (!(least_duty_ < 0.5)) {
+        throw std::invalid_argument("drive.inverter.minimum_pulse: expected a shorter one, so that there are pulses");
     }
     if (config_.dead_time) {
         require(cgl_dead_time_init(&dead_time_start_, &*config_.dead_time, static_cast<cgl_real>(period_)),
@@ -265,7 +269,7 @@ void Drive::restart(DriveState& s, const Phase& phase, std::int64_t trial) const
     if (bus_) bus_->restart(s.bus, angle, speed);
     s.asked = {};
     s.output = {};
-    s.duty = {0.5, 0.5, 0.5};
+    s.duty = s.applied = {0.5, 0.5, 0.5};
     s.open = false;
     s.next_load_step = 0;
 }
@@ -414,9 +418,9 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
         if constexpr (legs != 0) next_duties(s, acting);
         const Currents<> before = s.plant.i;
         if (row_due && within_periods) {
-            advance_with_rows<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults, recorder);
+            advance_with_rows<legs, detail>(s, here, patch, phase, origin, acting, current, faults, recorder);
         } else {
-            advance_plant<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults, no_rows);
+            advance_plant<legs, detail>(s, here, patch, phase, origin, acting, current, faults, no_rows);
         }
         if (warm != nullptr) {
             const Pmsm<>& cold = phase.cold->motor();
@@ -445,17 +449,26 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
         acting.duty[n] = delay ? s.duty[n] : computed;
         s.duty[n] = computed;
     }
+    if (least_duty_ > 0.0) {
+        for (double& duty : acting.duty) duty = without_short_pulses(duty, least_duty_);
+    }
     const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
     acting.open = delay ? s.open : off;
     s.open = off;
 }
 
 template <std::size_t legs>
-[[gnu::always_inline]] inline Voltage<> Drive::averaged(const Phases& duty, const Phases& current,
-                                                        const Faults& faults, std::int64_t tick) const {
+[[gnu::always_inline]] inline Voltage<> Drive::averaged(DriveState& s, const Phases& duty, const Phases& current,
+                                                        const Faults& faults) const {
     const InverterConfig& inverter = config_.inverter;
-    return cogless::averaged(faults.bus_voltage, dead_share_, inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current),
-                             carrier(inverter.pwm, tick));
+    const Voltage<> u = cogless::averaged(faults.bus_voltage, dead_share_, inverter.device_drop, leg_duties<legs>(duty),
+                                          leg_duties<legs>(s.applied), leg_currents<legs>(current), carrier(inverter.pwm, s.tick));
+    remember(s, duty);
+    return u;
+}
+
+[[gnu::always_inline]] inline void Drive::remember(DriveState& s, const Phases& applied) const {
+    if (config_.inverter.pwm == Pwm::edge) s.applied = applied;
 }
 
 [[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m,
@@ -567,7 +580,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             }
             if constexpr (legs != 0) {
                 drive.next_duties(s, r.acting);
-                const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults, tick);
+                const Voltage<> u = drive.averaged<legs>(s, r.acting.duty, r.current, r.faults);
                 view.u_alpha[n] = u.alpha;
                 view.u_beta[n] = u.beta;
                 if (r.acting.open) plants.get(n, s.plant, here);
@@ -596,7 +609,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 const Drive& drive = *r.drive;
                 AnglePatch patch(r.phase->plant.angle());
                 here = r.phase->plant.angle().at(s.plant.theta_m);
-                drive.advance_plant<legs, detail>(s, here, patch, *r.phase, 0, r.acting.duty, r.current, true, r.faults, no_rows);
+                drive.advance_plant<legs, detail>(s, here, patch, *r.phase, 0, r.acting, r.current, r.faults, no_rows);
                 plants.put(r.n, s.plant, here);
             }
             ++s.tick;
@@ -793,7 +806,7 @@ void Drive::obey(DriveState& s, const Command& command) const {
 
 template <std::size_t legs, Detail detail, class BeforeStep>
 void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
-                          std::int64_t origin, const Phases& duty, const Phases& current, bool open, const Faults& faults,
+                          std::int64_t origin, const Acting& acting, const Phases& current, const Faults& faults,
                           const BeforeStep& before_step) const {
     const double start = time(s.tick - origin);
     const double longest = step_;
@@ -808,7 +821,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
     const InverterConfig& inverter = config_.inverter;
     if constexpr (legs == 0) {
         hold({0.0, 0.0});
-    } else if (open) {
+    } else if (acting.open) {
         if (!inverter.switched) patch.move_to(s.plant.theta_m, 0.5 * period_ * s.plant.omega_m);
         const int steps = std::max(config_.integration_steps, open_steps);
         for (int k = 0; k < steps; ++k) {
@@ -824,8 +837,10 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
         }
         if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
-        const Pulses<legs> p = pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current),
-                                      carrier(inverter.pwm, s.tick), period_);
+        const Pulses<legs> p =
+            pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(acting.duty),
+                   leg_duties<legs>(s.applied), leg_currents<legs>(current), carrier(inverter.pwm, s.tick), period_);
+        remember(s, acting.duty);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;
@@ -838,14 +853,13 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
             from = p.stretch[n].until;
         }
     } else {
-        hold(averaged<legs>(duty, current, faults, s.tick));
+        hold(averaged<legs>(s, acting.duty, current, faults));
     }
 }
 
 template <std::size_t legs, Detail detail>
 void Drive::advance_with_rows(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin,
-                              const Phases& duty, const Phases& current, bool open, const Faults& faults,
-                              Recorder& recorder) const {
+                              const Acting& acting, const Phases& current, const Faults& faults, Recorder& recorder) const {
     const double start = time(s.tick - origin);
     int rows = 0;
     const auto record_rows = [&](Voltage<> u, double from, double h, const auto& after) {
@@ -863,7 +877,7 @@ void Drive::advance_with_rows(DriveState& s, AtAngle<double>& here, AnglePatch& 
             s.plant = before;
         }
     };
-    advance_plant<legs, detail>(s, here, patch, phase, origin, duty, current, open, faults, record_rows);
+    advance_plant<legs, detail>(s, here, patch, phase, origin, acting, current, faults, record_rows);
 }
 
 template <std::size_t legs>

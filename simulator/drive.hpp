@@ -114,6 +114,7 @@ struct DriveState {
     cgl_reference asked{};
     cgl_drive_output output{};
     Phases duty{0.5, 0.5, 0.5};  // duty cycles that the inverter applies in this period
+    Phases applied = duty;       // with edge-aligned pulses: those of the period before, without short pulses
     bool open = false;           // true: the inverter's transistors are off instead
     std::size_t next_load_step = 0;
     double added_load = 0.0;                     // N m, by add_load()
@@ -251,7 +252,9 @@ private:
     [[gnu::noinline]] Measurement measure_load(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due,
                                                const Faults& faults) const;
     template <std::size_t legs>
-    Voltage<> averaged(const Phases& duty, const Phases& current, const Faults& faults, std::int64_t tick) const;
+    Voltage<> averaged(DriveState& state, const Phases& duty, const Phases& current, const Faults& faults) const;
+    // The duty cycles of a period that begins, for the next one.
+    void remember(DriveState& state, const Phases& applied) const;
     template <std::size_t legs>
     void control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
                  const Faults& faults, Controller* other) const;
@@ -267,12 +270,12 @@ private:
     // before_step(u, from, h, after): called before each step of pulses or an open bridge, of the length h, s, from a time of the
     // period on, s; after(plant, here) is what follows the step.
     template <std::size_t legs, Detail detail, class BeforeStep>
-    void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin, const Phases& duty,
-                       const Phases& current, bool open, const Faults& faults, const BeforeStep& before_step) const;
+    void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin,
+                       const Acting& acting, const Phases& current, const Faults& faults, const BeforeStep& before_step) const;
     // The same, and records the period's rows. Each is a step of its own from the run's last, so the run stays as it is.
     template <std::size_t legs, Detail detail>
     [[gnu::noinline]] void advance_with_rows(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
-                                             std::int64_t origin, const Phases& duty, const Phases& current, bool open,
+                                             std::int64_t origin, const Acting& acting, const Phases& current,
                                              const Faults& faults, Recorder& recorder) const;
     // within: s since the tick; u: the inverter's voltage then, of rows within periods.
     // Not inlined into run(), whose loop is 4 % faster without it.
@@ -290,6 +293,7 @@ private:
     double period_;        // s, of the current loop
     double step_;          // s, of the integration
     double dead_share_;    // of the period, by the inverter's dead time
+    double least_duty_;    // by its shortest pulses
     bool follows_angle_;   // whether the law follows its reference's angle
     bool steps_currents_;  // whether it acts in each period of the current loop, too
     double turns_;        // rad, the law gets the reference's angle modulo this

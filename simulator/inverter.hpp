@@ -30,6 +30,9 @@ enum class Pwm { centre, edge, two_updates };
 struct Carrier {
     double before;
     bool rises, falls;  // false: the leg is high already at the period's begin, or still at its end, so there is no edge
+
+    // Whether a leg that was high to the end of the period before, with the duty cycle `last`, goes on at the begin without an edge.
+    bool stays(double last) const { return before <= 0.0 && last >= 1.0; }
 };
 
 inline Carrier carrier(Pwm pwm, std::int64_t tick) {
@@ -45,9 +48,22 @@ struct InverterConfig {
     Pwm pwm = Pwm::centre;
     double bus_voltage;          // V
     double dead_time = 0.0;      // s
+    double minimum_pulse = 0.0;  // s, no transistor is on for less in half a PWM period; 0: for any time
     double device_drop = 0.0;    // V, across the transistor or diode that conducts
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };
+
+// The duty cycle below which a leg's upper transistor stays off, and its lower one on, for a whole period; above 1 minus this it
+// is the other way around. Each half of a PWM period counts by itself, with a dead time: a pulse that goes on in the next half may
+// end there at once.
+inline double least_duty(const InverterConfig& inverter, double period) {
+    if (inverter.minimum_pulse <= 0.0) return 0.0;
+    return (inverter.minimum_pulse + inverter.dead_time) / (inverter.pwm == Pwm::centre ? 0.5 * period : period);
+}
+
+inline double without_short_pulses(double duty, double least) {
+    return duty < least ? 0.0 : (duty > 1.0 - least ? 1.0 : duty);
+}
 
 // What a leg's device takes from its voltage, V: a positive current flows out of the leg.
 inline double dropped(double device_drop, double current) {
@@ -112,10 +128,10 @@ struct Pulses {
 
 // While a leg's two transistors are both off, its current flows through a diode: out of the leg through the lower one, so
 // that a positive current delays the rising edge by the dead time, and a negative current the falling edge. The sign is
-// taken at the start of the period.
+// taken at the start of the period. last: the duty cycles of the period before.
 template <std::size_t legs>
-Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, const Legs<legs>& duty, const Legs<legs>& current,
-                    const Carrier& carrier, double period) {
+Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, const Legs<legs>& duty, const Legs<legs>& last,
+                    const Legs<legs>& current, const Carrier& carrier, double period) {
     const double rise_delay = carrier.rises ? dead_time : 0.0, fall_delay = carrier.falls ? dead_time : 0.0;
     Legs<legs> rise, fall, drop;
     std::array<double, 2 * legs> edge;  // s, sorted
@@ -128,7 +144,7 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
             const bool out = current[x] >= 0.0;
             const double begin = carrier.before * period * (1.0 - duty[x]);
             fall[x] = std::min(begin + period * duty[x] + (out ? 0.0 : fall_delay), period);
-            rise[x] = std::min(begin + (out ? rise_delay : 0.0), fall[x]);
+            rise[x] = std::min(begin + (out && !carrier.stays(last[x]) ? rise_delay : 0.0), fall[x]);
         }
         edge[x] = rise[x];
         edge[legs + x] = fall[x];
@@ -163,14 +179,14 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
 // The mean of the same pulses over the period. dead_share: the dead time's share of the period.
 template <std::size_t legs>
 [[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, double device_drop, const Legs<legs>& duty,
-                                                 const Legs<legs>& current, const Carrier& carrier) {
+                                                 const Legs<legs>& last, const Legs<legs>& current, const Carrier& carrier) {
     const double rise_share = carrier.rises ? dead_share : 0.0, fall_share = carrier.falls ? dead_share : 0.0;
     Legs<legs> u;
     for (std::size_t x = 0; x < legs; ++x) {
         double share = duty[x];
         if (duty[x] > 0.0 && duty[x] < 1.0) {
             // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
-            share += current[x] >= 0.0 ? -std::min(rise_share, share)
+            share += current[x] >= 0.0 ? -std::min(carrier.stays(last[x]) ? 0.0 : rise_share, share)
                                        : std::min(fall_share, (1.0 - carrier.before) * (1.0 - share));
         }
         u[x] = bus_voltage * share - dropped(device_drop, current[x]);

@@ -115,10 +115,10 @@ void archive(Archive& a, LawState& s) {
 template <class Archive>
 void archive(Archive& a, DriveState& s) {
     auto& [tick, plant, position, random, control, dead_time, encoder_table, speed_filter, bus, law, seen, measured, reference_filter, reference, sampled, asked,
-           output, duty, open, next_load_step, added_load, load_deviation, temperature, given_reference] = s;
+           output, duty, applied, open, next_load_step, added_load, load_deviation, temperature, given_reference] = s;
     const auto all = [&a](auto&... members) { (archive(a, members), ...); };
     all(tick, plant, position, random, control, dead_time, encoder_table, speed_filter, bus, law, seen, measured, reference_filter, reference, sampled, asked, output,
-        duty, open, next_load_step, added_load, load_deviation, temperature, given_reference);
+        duty, applied, open, next_load_step, added_load, load_deviation, temperature, given_reference);
 }
 
 }  // namespace cogless

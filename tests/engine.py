@@ -54,6 +54,7 @@ BASE: dict[str, Any] = {
             "kind": "averaged",
             "bus_voltage": 100.0,
             "dead_time": 0.0,
+            "minimum_pulse": 0.0,
             "device_drop": 0.0,
             "computation_delay": 1,
             "pwm": "centre",

@@ -168,9 +168,10 @@ def test_computation_delay_is_one_period() -> None:
     angle=st.floats(0.0, 1.5),
     dead_time=st.floats(0.0, 4e-6),
     bus=st.floats(14.0, 60.0),
+    minimum=st.floats(0.0, 8e-6),
 )
 def test_averaged_voltage_is_the_mean_of_the_pulses(
-    pwm: str, i_d: float, angle: float, dead_time: float, bus: float
+    pwm: str, i_d: float, angle: float, dead_time: float, bus: float, minimum: float
 ) -> None:
     """At standstill, with inductance so large that the current hardly ripples, both inverters do the same."""
 
@@ -190,6 +191,7 @@ def test_averaged_voltage_is_the_mean_of_the_pulses(
     i_d_after = []
     for kind in ("averaged", "switched"):
         inverter = {"kind": kind, "pwm": pwm, "dead_time": dead_time, "bus_voltage": bus}
+        inverter["minimum_pulse"] = minimum
         x = run({**change, "drive": {**drive, "inverter": inverter}}, 0.02, controller=HoldD())
         i_d_after.append(x["i_d"][-1])
     assert i_d_after[1] == pytest.approx(i_d_after[0], rel=1e-4, abs=1e-7)

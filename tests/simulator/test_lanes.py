@@ -82,6 +82,13 @@ def variants(count: int, seed: int, **change: Any) -> list[Any]:
             "load": THIRD,
         },
         {"motor": RIPPLE, "drive": {"inverter": {"pwm": "two-updates", "dead_time": 2e-6}}},
+        {
+            "motor": RIPPLE,
+            "reference": REVERSING,
+            "drive": {
+                "inverter": {"pwm": "edge", "dead_time": 2e-6, "minimum_pulse": 2e-6, "bus_voltage": 6.0}
+            },
+        },
     ],
     ids=[
         "sensors",
@@ -93,6 +100,7 @@ def variants(count: int, seed: int, **change: Any) -> list[Any]:
         "open bridge",
         "two phases",
         "two updates",
+        "short pulses",
     ],
 )
 def test_a_lane_has_the_bits_of_its_drive_alone(change: dict[str, Any], kernel: int) -> None:

@@ -13,16 +13,15 @@ import numpy as np
 import pytest
 from engine import RIPPLE, Signals, config, drive_of, merged, run
 from numpy.typing import NDArray
+from pulses import BUS, POLE_PAIRS, PWM, electrical_speed, last_turn, sinusoidal, spectrum, vector
 from scipy.special import jv
 
 from cogless import _simulator_f64
-from cogless.c_layout import control_layout
 from cogless.control_library import Status
 from cogless.results.metrics import evaluate
 from cogless.results.trace import Trace
 from cogless.study.metric import Conditions, Metric
 
-PWM = ("centre", "edge", "two-updates")
 SWITCHED: dict[str, Any] = {"drive": {"inverter": {"kind": "switched"}}}
 VOLTAGES = {"u_a", "u_b", "u_c"}
 
@@ -101,25 +100,9 @@ def test_the_engine_refuses_rows_between_samples_where_nothing_switches() -> Non
             drive_of(_simulator_f64, config(change))
 
 
-BUS, RESISTANCE, INDUCTANCE, DEPTH = 100.0, 8.0, 2.4e-3, 0.8
-POLE_PAIRS, FLUX = 4, 0.05
+RESISTANCE, INDUCTANCE, FLUX, DEPTH = 8.0, 2.4e-3, 0.05, 0.8
 PERIODS = 40  # of the PWM in an electrical turn: a bin of the spectrum is the turn's frequency
-RATE = 10_000  # Hz, of the current loop
 ROWS = 400  # rows of a period of the current loop
-
-
-class Sinusoidal:
-    """Duty cycles of a sampled sinusoid, in place of the drive's controller."""
-
-    def __init__(self, ticks_of_a_turn: int) -> None:
-        self.tick, self.ticks, self.layout = 0, ticks_of_a_turn, control_layout("double")
-
-    def step(self, _measurement: bytes, _reference: bytes) -> bytes:
-        angle = 2 * np.pi * (self.tick / self.ticks - np.arange(3) / 3)
-        self.tick += 1
-        zeros = self.layout.decode("cgl_drive_output", bytes(self.layout.size("cgl_drive_output")))
-        duty = (0.5 + 0.5 * DEPTH * np.cos(angle)).tolist()
-        return self.layout.pack("cgl_drive_output", {**zeros, "duty": duty})
 
 
 def leg_line(pwm: str, m: int, n: int) -> complex:
@@ -152,46 +135,17 @@ def lines(pwm: str, highest: int = 10) -> dict[int, complex]:
     }
 
 
-def last_turn(pwm: str) -> Signals:
-    """The rows of an electrical turn in the steady state."""
-    ticks = PERIODS * (2 if pwm == "two-updates" else 1)
-    speed = 2 * np.pi * RATE / ticks / POLE_PAIRS
-    change: dict[str, Any] = {
-        "motor": {"R_s": RESISTANCE, "L_d": INDUCTANCE, "L_q": INDUCTANCE, "psi_f": FLUX},
-        "mechanics": {"inertia": 1e9},
-        "initial_speed": speed,
-        "reference": {"speed": speed},
-        "rows_per_period": ROWS,
-        "drive": {
-            "integration_steps": 4,
-            "inverter": {"kind": "switched", "pwm": pwm, "bus_voltage": BUS, "computation_delay": 0},
-        },
-    }
-    turns = 3 if pwm != "two-updates" else 2  # the first 8 ms and more are 27 time constants
-    drive, recorded = drive_of(_simulator_f64, config(change)), turns * ticks
-    recorder = _simulator_f64.Recorder(drive, 1, recorded * ROWS)
-    drive.advance(drive.start(), recorder, recorded, Sinusoidal(ticks))
-    rows = recorder.take()[-ticks * ROWS :]
-    return {name: rows[:, n] for n, (name, _) in enumerate(drive.signals)}
-
-
-def vector(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.complex128]:
-    turn = np.exp(2j * np.pi / 3)
-    return np.asarray(2 / 3 * (a + turn * b + turn**2 * c))
-
-
-def spectrum(x: NDArray[Any]) -> NDArray[np.complex128]:
-    return np.asarray(np.fft.fft(x) / len(x))
-
-
 @pytest.mark.parametrize("pwm", PWM)
 def test_spectra_of_voltage_current_and_torque_are_the_double_fourier_series(pwm: str) -> None:
     """About the PWM's first two multiples, to 1 %; currents and torque, which have no steps, to 0.01 %."""
-    x = last_turn(pwm)
+    ticks = PERIODS * (2 if pwm == "two-updates" else 1)
+    motor = {"R_s": RESISTANCE, "L_d": INDUCTANCE, "L_q": INDUCTANCE, "psi_f": FLUX}
+    x = last_turn(sinusoidal(ticks, DEPTH), motor, {"pwm": pwm}, ROWS, turns=3)
+    omega = electrical_speed(ticks)
     voltage = lines(pwm)
-    current = {k: u / (RESISTANCE + 1j * k * omega(pwm) * INDUCTANCE) for k, u in voltage.items()}
-    induced = 1j * omega(pwm) * FLUX
-    current[1] = (voltage[1] - induced) / (RESISTANCE + 1j * omega(pwm) * INDUCTANCE)
+    current = {k: u / (RESISTANCE + 1j * k * omega * INDUCTANCE) for k, u in voltage.items()}
+    induced = 1j * omega * FLUX
+    current[1] = (voltage[1] - induced) / (RESISTANCE + 1j * omega * INDUCTANCE)
     in_rotor = {k - 1: i for k, i in current.items()}
     torque = {
         k: 1.5 * POLE_PAIRS * FLUX * (in_rotor.get(k, 0) - np.conj(in_rotor.get(-k, 0))) / 2j
@@ -213,11 +167,6 @@ def switching_ripple(turn: NDArray[np.float64]) -> Any:
     trace = Trace(("time", "tau_e"), ("s", "N*m"), np.column_stack([np.arange(len(x)) / 1000, x]))
     metric = Metric.model_validate({"name": "ripple", "kind": "switching-ripple", "signal": "tau_e"})
     return evaluate(metric, trace, Conditions(pwm_period=len(turn) / PERIODS / 1000))
-
-
-def omega(pwm: str) -> float:
-    """Electrical speed, rad/s."""
-    return 2 * math.pi * RATE / PERIODS / (2 if pwm == "two-updates" else 1)
 
 
 def compare(measured: NDArray[Any], expected: dict[int, Any], tolerance: float) -> None:

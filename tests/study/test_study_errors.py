@@ -354,6 +354,15 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"drive.inverter.dead_time": "1 s"},
             'drive.inverter.dead_time: "1 s": expected less than half a period of the current loop, '
             "3.33e-05 s"),
+        ({"drive.inverter.minimum_pulse": "-1 us"},
+            'drive.inverter.minimum_pulse: "-1 us": expected a time of zero or more, such as "1 s"'),
+        ({"drive.inverter.minimum_pulse": "20 us"},
+            'drive.inverter.minimum_pulse: "20 us": expected, with dead_time, less than a quarter of a '
+            "current-loop period, 1.67e-05 s"),
+        ({"drive.inverter.minimum_pulse": "30 us", "drive.inverter.dead_time": "4 us",
+          "drive.inverter.pwm": "two-updates"},
+            'drive.inverter.minimum_pulse: "30 us": expected, with dead_time, less than half of a '
+            "current-loop period, 3.33e-05 s"),
         ({"scenario.low.duration": "1e9 s"},
             'scenario.low.duration: "1e9 s": expected at most 1333.33 s with rows at 15000 Hz (trace.rate)'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time", "cells": 200}},

@@ -279,6 +279,9 @@ class Inverter(Table):
     """Voltage of the bus, constant."""
     dead_time: Time = 0.0  # s
     """Time for which both transistors of a leg are off at each switching."""
+    minimum_pulse: Time = 0.0  # s
+    """[Shortest time](/theory/inverter.md#minimum-pulse) for which a transistor may be on in half a PWM
+    period. If it would be on for less, it stays off, and the other one of its leg on. Default: no limit."""
     device_drop: VoltageMagnitude = 0.0  # V
     """Voltage across the transistor or diode of a leg that conducts."""
     computation_delay: Literal[0, 1] = 1  # current-loop samples
@@ -434,6 +437,19 @@ class Drive(Table):
         if self.ideal:
             raise invalid("expected none, since the current loop is ideal", "dead_time_compensation")
         check_sizes(self.dead_time_compensation, "dead_time_compensation")
+        return self
+
+    @model_validator(mode="after")
+    def _pulses(self) -> Self:
+        """Refuse a shortest pulse that not even duty cycles of one half have."""
+        inverter = self.inverter
+        if inverter is None or not inverter.minimum_pulse:
+            return self
+        share, word = (0.25, "a quarter") if inverter.pwm == "centre" else (0.5, "half")
+        longest = share / self.rates.current_loop
+        if inverter.minimum_pulse + inverter.dead_time >= longest:
+            expected = f"expected, with dead_time, less than {word} of a current-loop period, {longest:.3g} s"
+            raise invalid(expected, "inverter", "minimum_pulse")
         return self
 
     @model_validator(mode="after")
