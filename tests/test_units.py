@@ -60,11 +60,7 @@ def test_texts_become_si(text: str, dimension: units.Dimension, si: float) -> No
             units.ANGULAR_SPEED,
             'expected an angular speed, such as "1 rpm"; the unit "rpn" is not known',
         ),
-        (
-            "0,35 ohm",
-            units.RESISTANCE,
-            'expected a decimal point in place of the comma, such as "1.5 ohm"',
-        ),
+        ("0,35 ohm", units.RESISTANCE, 'expected a decimal point in place of the comma, such as "1.5 ohm"'),
         *(
             (
                 f"1 {wrong}",

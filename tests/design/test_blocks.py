@@ -54,10 +54,7 @@ def words_of(study: Study, name: str, made: Design) -> str:
             Verdict("settles", FADES, ratio=1.9),
             f"{YES}, but leaves 1.9 times the speed ripple of its feedback alone{END}",
         ),
-        (
-            Verdict("settles", FADES, doubts=(Remark("few counts"),)),
-            f"{YES}; not sure: few counts{END}",
-        ),
+        (Verdict("settles", FADES, doubts=(Remark("few counts"),)), f"{YES}; not sure: few counts{END}"),
         (
             Verdict("grows", RISES, remedy=Remark("lead = 1 repairs it")),
             "no, because it grows, 1.2x a period at 50 Hz; lead = 1 repairs it$",
@@ -89,10 +86,7 @@ def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | No
     ("change", "expected"),
     [
         ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\)$"),
-        (
-            {"gamma": -0.1},
-            "no, because at 15 rpm some orders may not converge if the inertia is 50 % off",
-        ),
+        ({"gamma": -0.1}, "no, because at 15 rpm some orders may not converge if the inertia is 50 % off"),
         (
             {"most": 0.25},
             "no, because at 15 rpm the orders together settle only with learning rates up to 0.25 1/s$",

@@ -108,12 +108,7 @@ def test_duplicate_and_inner_vertices_are_dropped() -> None:
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    st.integers(1, 3),
-    st.integers(1, 12),
-    st.integers(0, 2**32 - 1),
-    st.booleans(),
-)
+@given(st.integers(1, 3), st.integers(1, 12), st.integers(0, 2**32 - 1), st.booleans())
 def test_minimal_in_a_random_affine_subspace(dimension: int, count: int, seed: int, repeat: bool) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(count, dimension)) @ rng.normal(size=(dimension, 6)) + rng.normal(size=6)

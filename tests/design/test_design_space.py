@@ -448,11 +448,7 @@ def in_the_way(name: str, controller: str, changes: dict[str, Any]) -> list[str]
         ("true-period", {"law.k_omega": 60.0, "law.q_half_width": 400}, [FORGETS]),
         ("true-period", {"law.k_omega": 60.0, "law.mu_alpha": 0.0}, ["it learns no alpha"]),
         ("true-period", {"law.mu_h": 0.0}, ["the speed varies without mu_h"]),
-        (
-            "true-period",
-            {"law.mu_h": 0.0, "law.mu_beta": 0.0},
-            ["the speed varies without mu_beta and mu_h"],
-        ),
+        ("true-period", {"law.mu_h": 0.0, "law.mu_beta": 0.0}, ["the speed varies without mu_beta and mu_h"]),
         ("true-period", {"law.mu_beta": 0.0, "mechanics.viscous_friction": 0.0}, []),
         ("true-period", {"law.mu_h": 0.0, **STEADY}, []),
         ("true-period", {"law.index": "rotor"}, ["it learns over the rotor's angle"]),
@@ -485,10 +481,7 @@ def test_all_that_is_in_the_way_is_said() -> None:
             {"scenario.varying.events": [{"time": "1 s", "load": "0.1 N*m"}]},
             "the load changes with time in scenario varying",
         ),
-        (
-            {"scenario.from-standstill.load": RISING},
-            "the load changes with time in scenario from-standstill",
-        ),
+        ({"scenario.from-standstill.load": RISING}, "the load changes with time in scenario from-standstill"),
     ],
 )
 def test_what_is_in_the_way_of_the_proof_of_law_4_is_said(changes: dict[str, Any], reason: str) -> None:

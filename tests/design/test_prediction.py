@@ -212,11 +212,7 @@ def test_a_phase_that_still_falls_after_the_trials_that_are_tried_has_no_floor_y
 
 
 # The window is short: the delay of a speed over a longer one is not in the models.
-FINE = {
-    "drive.position_sensor.bits": 22,
-    "drive.position_sensor.window": 2,
-    "scenario.move.trials": 60,
-}
+FINE = {"drive.position_sensor.bits": 22, "drive.position_sensor.window": 2, "scenario.move.trials": 60}
 PHASES = ((0, 20), (20, 40), (40, 60))
 
 

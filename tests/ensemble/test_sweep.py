@@ -185,11 +185,7 @@ object = "law.py:Law"
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        ("os.kill(os.getpid(), 9)", "died"),
-        ("os._exit(0)", "calls exit(0)"),
-    ],
+    ("call", "said"), [("os.kill(os.getpid(), 9)", "died"), ("os._exit(0)", "calls exit(0)")]
 )
 def test_a_law_that_ends_its_process_is_named(tmp_path: Path, call: str, said: str) -> None:
     """Where that can be prevented, its runs fail and the others are kept."""
@@ -705,8 +701,7 @@ def test_mistakes_of_the_command(
 
 
 @pytest.mark.parametrize(
-    ("missing", "command"),
-    [("pyarrow", "sweep"), ("SALib", "sweep"), ("SALib", "tune"), ("optuna", "tune")],
+    ("missing", "command"), [("pyarrow", "sweep"), ("SALib", "sweep"), ("SALib", "tune"), ("optuna", "tune")]
 )
 def test_a_missing_extra_is_one_line(
     tmp_path: Path,

@@ -18,12 +18,7 @@ from cogless.results.held_speed import (
     ONE_WAY,
     REST_ERROR_MOST,
 )
-from cogless.results.metrics import (
-    METRIC_FUNCTIONS,
-    evaluate,
-    result_name,
-    window_of,
-)
+from cogless.results.metrics import METRIC_FUNCTIONS, evaluate, result_name, window_of
 from cogless.results.trace import Trace
 from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
 
@@ -40,7 +35,6 @@ NAMES = {
 }
 ABOUT = {"pole_pairs": 4, "R_s": 0.7, "power_factor": 1.5, "speed_period": 1e-3, "events": [0.8, 1.5]}
 WINDOWS = ({"window": ["0.3 s", "1.2 s"]}, {"last": "0.5 s"}, {})
-AT_EVENTS = ("dip", "settling", "overshoot", "exceeds")
 COMPUTE = """
 const all = Float64Array.from(given.rows.flat().map((x) => (x === null ? NaN : x)));
 const { Trace, evaluate, kinds } = liveMetrics, { rows, names, metrics, about } = given;

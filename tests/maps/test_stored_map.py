@@ -221,10 +221,7 @@ def test_map_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ([other], f'{other}: no map: expected "CGLM" where a slot begins'),
         ([tmp_path / "none"], f"{tmp_path / 'none'}: no such file or directory: expected a stored map"),
         ([good, "--motor", "1"], "--motor: expected --output too"),
-        (
-            [good, "--motor", "x", "-o", cut],
-            '--motor: "x": expected 32 bits, such as 0x1F2E3D4C',
-        ),
+        ([good, "--motor", "x", "-o", cut], '--motor: "x": expected 32 bits, such as 0x1F2E3D4C'),
         (
             [good, "-o", tmp_path / "no" / "where"],
             f"{tmp_path / 'no' / 'where'}: no such file or directory: expected a file that can be written",

@@ -90,10 +90,7 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     monkeypatch.setattr(comparison, "DESIGNS", {**DESIGNS, "speed": harms})
     for times, said in (
         (1.24, "its speed ripple is in part from this time"),
-        (
-            4.5,
-            f"learning does harm here, 4.50 times the speed ripple of {base}",
-        ),
+        (4.5, f"learning does harm here, 4.50 times the speed ripple of {base}"),
     ):
         line = replace(plain, values={**plain.values, name: times * plain.values[held.study.baseline]})
         line = replace(line, missed={name: "mean 0 of 60 rpm"})

@@ -441,11 +441,7 @@ BOTH = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
             (WAVE, (1,)),
             "the library's cogless_plugin_load_map refuses this map",
         ),
-        (
-            told("[0.0] * 8", refused=True),
-            (WAVE, (1,)),
-            f"law.py line {REFUSES}: ValueError: not mine",
-        ),
+        (told("[0.0] * 8", refused=True), (WAVE, (1,)), f"law.py line {REFUSES}: ValueError: not mine"),
         (told("None"), (WAVE, (1,)), "expected a class with the methods learned_map() and load_map(learned)"),
     ],
 )

@@ -126,10 +126,7 @@ def test_causes_of_a_ripple_are_sought_without_friction_and_detent(tmp_path: Pat
     [
         ({"kind": "carriage-ripple", "signal": "omega_m"}, "expected theta_load or theta_m"),
         ({"kind": "carriage-ripple", "order": [1]}, 'expected none, since kind is "carriage-ripple"'),
-        (
-            {"kind": "carriage-ripple", "unit": "rpm"},
-            'expected a unit of a length, such as "mm"',
-        ),
+        ({"kind": "carriage-ripple", "unit": "rpm"}, 'expected a unit of a length, such as "mm"'),
     ],
 )
 def test_a_ripple_of_a_carriage_is_of_its_way(changes: dict[str, Any], message: str) -> None:

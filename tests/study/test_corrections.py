@@ -249,11 +249,7 @@ def test_a_table_is_filled_once() -> None:
             "bits = 17",
             'drive.position_sensor.kind: missing: expected a kind of sensor, such as "encoder"',
         ),
-        (
-            'law = "harmonic"',
-            "",
-            "controller.harmonic.law: missing: expected a law that cogless list shows",
-        ),
+        ('law = "harmonic"', "", "controller.harmonic.law: missing: expected a law that cogless list shows"),
         ('law = "pi"', "law = pi", ': "law = pi": expected a text in quotes, or a number without a unit'),
         ("[[metric]]", "[metric]", ": expected an array of tables, [[metric]]"),
         (

@@ -94,8 +94,7 @@ def test_a_plant_s_matrices_follow_its_parameters(tmp_path: Path) -> None:
 
 
 @given(
-    st.lists(st.floats(-10, 10), min_size=2, max_size=6),
-    st.lists(st.floats(0.01, 3), min_size=6, max_size=6),
+    st.lists(st.floats(-10, 10), min_size=2, max_size=6), st.lists(st.floats(0.01, 3), min_size=6, max_size=6)
 )
 def test_references_stop_at_each_point_and_stay_between(values: list[float], gaps: list[float]) -> None:
     times = list(itertools.accumulate(gaps[: len(values)]))
