@@ -256,16 +256,12 @@ HERE = versions()["cogless"]
     ("there", "said"),
     [
         ({}, "tcp://a:1: the cluster has no worker: expected one or more"),
-        (
-            {"tcp://b:1": HERE, "tcp://b:2": "0.0.1"},
-            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, the version of this command",
-        ),
-        (
-            {"tcp://b:1": ModuleNotFoundError()},
-            f"worker tcp://b:1: has no cogless: expected {HERE}, the version of this command",
-        ),
+        ({"tcp://b:1": HERE, "tcp://b:2": "0.0.1"},
+            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, the version of this command"),
+        ({"tcp://b:1": ModuleNotFoundError()},
+            f"worker tcp://b:1: has no cogless: expected {HERE}, the version of this command"),
     ],
-)
+)  # fmt: skip
 def test_every_worker_of_a_cluster_has_this_version(there: dict[str, Any], said: str) -> None:
     class Client:
         """A cluster's, whose workers answer so."""

@@ -613,22 +613,15 @@ def test_names(controller: str, name: str) -> None:
     ("arguments", "line"),
     [
         (["--controller", "p"], 'STUDY: controller: "p": expected one of pi, fair, none, own'),
-        (
-            ["--controller", "none"],
-            'STUDY: controller.none.law: "python": has no C form: expected a law of the control library',
-        ),
-        (
-            ["--controller", "own"],
-            'STUDY: controller.own.law: "library": is C of your own already: '
-            "expected a law of the control library",
-        ),
-        (
-            ["--controller", "none", "--scenario", "step"],
-            'STUDY: scenario: "step": expected one with controller none: low',
-        ),
+        (["--controller", "none"],
+            'STUDY: controller.none.law: "python": has no C form: expected a law of the control library'),
+        (["--controller", "own"], 'STUDY: controller.own.law: "library": is C of your own already: '
+            "expected a law of the control library"),
+        (["--controller", "none", "--scenario", "step"],
+            'STUDY: scenario: "step": expected one with controller none: low'),
         (["--controller", "pi", "--to", "d"], '--to: "d": expected c'),
     ],
-)
+)  # fmt: skip
 def test_mistakes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
 ) -> None:
@@ -688,14 +681,10 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
                 "CGL_MAP_STORED_LENGTH(3, 1024",
             ),
         ),
-        (
-            "uomodri",
-            "pi",
-            {},
-            ("20000 counts, by the code that was simulated: `cogless/speed_timed.h` says",),
-        ),
+        ("uomodri", "pi", {},
+            ("20000 counts, by the code that was simulated: `cogless/speed_timed.h` says",)),
     ],
-)
+)  # fmt: skip
 def test_the_readme_says_what_a_board_needs(
     export: Export, study: str, controller: str, changes: dict[str, Any], says: tuple[str, ...]
 ) -> None:

@@ -431,16 +431,12 @@ def test_verdict_names_where_the_next_is_clearly_better(made):
     ("kept", "sentence"),
     [
         (["speed_ripple_rad_s"], ""),
-        (
-            ["speed_ripple_rad_s", "copper_loss_W"],
-            "The other number isn't worse with PI-ILC than with PI as published.",
-        ),
-        (
-            ["speed_ripple_rad_s", "copper_loss_W", "chattering_A"],
-            "None of the 2 other numbers is worse with PI-ILC than with PI as published.",
-        ),
+        (["speed_ripple_rad_s", "copper_loss_W"],
+            "The other number isn't worse with PI-ILC than with PI as published."),
+        (["speed_ripple_rad_s", "copper_loss_W", "chattering_A"],
+            "None of the 2 other numbers is worse with PI-ILC than with PI as published."),
     ],
-)
+)  # fmt: skip
 def test_verdict_counts_in_good_grammar(made, kept, sentence):
     def only(run):
         return replace(run, metrics={name: run.metrics[name] for name in kept if name in run.metrics})

@@ -33,16 +33,12 @@ TABLE = f"{PATH}.correction.forward"
         ({TABLE: 9 * [{"order": 1, "magnitude": "1 mrad"}]}, "forward"),
         ({"drive.rates.speed_loop": "10 kHz"}, "expected drive.rates.speed_loop like current_loop"),
         ({"drive.bus": {"delay_command": "1 ms"}}, "expected no drive.bus"),
-        (
-            {"drive.position_sensor": {"kind": "encoder", "lines": 1000}},
-            "expected an ideal position sensor, which only stands for the driver's coils",
-        ),
-        (
-            {"scenario.20-mm-s.torque_mode": {"time": "0.1 s", "current": "0 A"}},
-            "expected no torque_mode in scenario 20-mm-s",
-        ),
+        ({"drive.position_sensor": {"kind": "encoder", "lines": 1000}},
+            "expected an ideal position sensor, which only stands for the driver's coils"),
+        ({"scenario.20-mm-s.torque_mode": {"time": "0.1 s", "current": "0 A"}},
+            "expected no torque_mode in scenario 20-mm-s"),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_is_one_line(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(StudyError) as error:
         load("printer", changes)
@@ -76,21 +72,14 @@ def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
         (None, {}, "expected a file at"),
         ("[]", {}, "expected the correction.json that cogless identify writes"),
         ('{"forward": [{"order": 1}], "backward": []}', {}, "expected the correction.json that"),
-        (
-            '{"current_A_rms": 0.8, "forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], '
-            '"backward": []}',
-            {},
-            "expected order times magnitude below 1 rad together, not 1.2 rad",
-        ),
-        (
-            '{"current_A_rms": 0, "forward": [], "backward": []}',
-            {},
-            "expected the correction.json that cogless identify writes",
-        ),
+        ('{"current_A_rms": 0.8, "forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], '
+            '"backward": []}', {}, "expected order times magnitude below 1 rad together, not 1.2 rad"),
+        ('{"current_A_rms": 0, "forward": [], "backward": []}', {},
+            "expected the correction.json that cogless identify writes"),
         ("{}", {"current": "1 A"}, 'current: "1 A": expected none, since the file has its own'),
         ("{}", {"forward": [{"order": 1, "magnitude": 0.1}]}, "expected none, since forward or backward"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_file_is_one_line(
     tmp_path: Path, text: str | None, more: dict[str, Any], message: str
 ) -> None:

@@ -208,21 +208,15 @@ def test_mistakes_are_one_line(
     [
         (lambda theta: np.sin(4 * theta) + 1, {}, "file: expected a mean of zero, not 1.41 of the rms"),
         (np.sin, {"orders": [400]}, "orders: expected orders up to 359, half the points"),
-        (
-            lambda theta: np.sin(8 * theta),
-            {},
-            "file: expected a fundamental, order 4, of more than 10% of the rms: are pole_pairs and frame",
-        ),
+        (lambda theta: np.sin(8 * theta), {},
+            "file: expected a fundamental, order 4, of more than 10% of the rms: are pole_pairs and frame"),
         (lambda theta: np.sin(4 * theta), {"speed": "0 rad/s"}, "speed: expected a speed above zero"),
-        (
-            lambda theta: np.sin(4 * theta),
-            {"peak": "2 V"},
-            "peak: expected about 1 V, as the table has; peak",
-        ),
+        (lambda theta: np.sin(4 * theta), {"peak": "2 V"},
+            "peak: expected about 1 V, as the table has; peak"),
         (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected about 2 V"),
         (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
     ],
-)
+)  # fmt: skip
 def test_a_back_emf_table_that_is_not_of_this_motor(
     tmp_path: Path, of: Callable[[Angles], Angles], keys: dict[str, Any], line: str
 ) -> None:
