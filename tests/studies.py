@@ -56,17 +56,11 @@ rates = { current_loop = "16 kHz", speed_loop = "8 kHz" }
 current_loop = { bandwidth = "800 Hz", current_limit = "250 A" }
 inverter = { bus_voltage = "800 V" }
 current_reference = { field_weakening = true }
-[scenario.fast]
-duration = "2 s"
-reference = "4500 rpm"
-initial_speed = "3000 rpm"
-[controller.pi]
-law = "pi"
-tuning = { rule = "phase-margin", phase_margin = "60 deg" }
-[controller.harmonic]
-law = "harmonic"
-base = 12
-tuning = { rule = "auto" }
+[scenario]
+fast = { duration = "2 s", reference = "4500 rpm", initial_speed = "3000 rpm" }
+[controller]
+pi = { law = "pi", tuning = { rule = "phase-margin", phase_margin = "60 deg" } }
+harmonic = { law = "harmonic", base = 12, tuning = { rule = "auto" } }
 [[metric]]
 name = "speed_ripple"
 kind = "ripple-rms"
@@ -85,14 +79,10 @@ psi_f = "68 mWb"
 cogging = [ {order = 24, torque = "4 mN*m"} ]
 [mechanics]
 inertia = "2.5e-4 kg*m^2"
-[drive.rates]
-current_loop = "15 kHz"
-speed_loop = "1 kHz"
-[drive.current_loop]
-bandwidth = "800 Hz"
-current_limit = "3 A"
-[drive.inverter]
-bus_voltage = "310 V"
+[drive]
+rates = { current_loop = "15 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "800 Hz", current_limit = "3 A" }
+inverter = { bus_voltage = "310 V" }
 [scenario.low]
 duration = "0.4 s"
 reference = "60 rpm"

@@ -37,9 +37,8 @@ ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "run", "report", "cli")
 MY_MOTOR, SMALLEST = ROOT / "examples" / "my_motor.toml", ROOT / "examples" / "smallest.toml"
 DRIVE = """
-[scenario.slow]
-duration = "6 s"
-reference = "60 rpm"
+[scenario]
+slow = { duration = "6 s", reference = "60 rpm" }
 [controller.pi]
 law = "pi"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }
@@ -97,10 +96,8 @@ current_loop = { bandwidth = "1200 Hz", current_limit = "1.5 A", decoupling = fa
 inverter = { bus_voltage = "44 V" }
 current_sensors = { noise = "60 mA" }
 position_sensor = { kind = "absolute", bits = 16, speed_method = "observer", observer_bandwidth = "300 Hz" }
-[scenario.slow]
-duration = "6 s"
-reference = "240 rpm"
-initial_speed = "240 rpm"
+[scenario]
+slow = { duration = "6 s", reference = "240 rpm", initial_speed = "240 rpm" }
 [controller.harmonic]
 law = "harmonic"
 tuning = { rule = "auto" }
@@ -120,10 +117,8 @@ viscous_friction = "1e-4 N*m*s/rad"
 [drive]
 rates = { current_loop = "2 kHz", speed_loop = "1 kHz" }
 current_loop = { kind = "ideal", current_limit = "3 A" }
-[scenario.slow]
-duration = "2 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
+[scenario]
+slow = { duration = "2 s", reference = "60 rpm", initial_speed = "60 rpm" }
 [controller.pi]
 law = "pi"
 kp = 0.15
@@ -278,10 +273,8 @@ input_weight = 10
 initial_state = [1, 0, 0]
 initial_change = [0.1, 0, 0]
 initial_error = 1
-[scenario.move]
-duration = "3 s"
-trials = 12
-reference = [["0.2 s", 0], ["2 s", 1], ["3 s", 1]]
+[scenario]
+move = { duration = "3 s", trials = 12, reference = [["0.2 s", 0], ["2 s", 1], ["3 s", 1]] }
 [controller.ilc]
 law = "trial-ilc"
 """
@@ -298,10 +291,8 @@ J = [7e-4, 9e-4]
 state_weight = [1e4, 1, 1e2, 0.1, 1]
 input_weight = 1
 initial_state = [0.01, 0, 0.01, 0, 0]
-[scenario.move]
-duration = "1 s"
-trials = 3
-reference = [["0.1 s", 0], ["0.8 s", 1]]
+[scenario]
+move = { duration = "1 s", trials = 3, reference = [["0.1 s", 0], ["0.8 s", 1]] }
 [controller.ilc]
 law = "trial-ilc"
 learning = false

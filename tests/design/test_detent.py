@@ -23,12 +23,9 @@ from cogless.study import Study, changed, load
 CREEP = 1e-2  # rad/s, below which the friction of the own motor is not yet that of sliding
 FOLDER = Path(__file__).parents[2] / "examples"
 LAWS = """
-[controller.pi]
-law = "pi"
-tuning = { rule = "phase-margin", phase_margin = "60 deg" }
-[controller.harmonic]
-law = "harmonic"
-tuning = { rule = "auto" }
+[controller]
+pi = { law = "pi", tuning = { rule = "phase-margin", phase_margin = "60 deg" } }
+harmonic = { law = "harmonic", tuning = { rule = "auto" } }
 [controller.pi-ilc]
 law = "pi-ilc"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }

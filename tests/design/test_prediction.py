@@ -41,9 +41,8 @@ trials = 24
 initial_state = [0.01, 0]
 reference = [["0.05 s", 0], ["0.35 s", 2]]
 changes = [{ trial = 13, load_steps = [[100, 0.8]] }]
-[controller.error]
-law = "trial-ilc"
-q_filter = { cutoff = "30 Hz" }
+[controller]
+error = { law = "trial-ilc", q_filter = { cutoff = "30 Hz" } }
 [controller.signal]
 law = "trial-ilc"
 acts_on = "input"

@@ -83,9 +83,8 @@ CONTROLLERS += [
     if law not in NAMED_OTHERWISE | {controller for _, controller, _ in CONTROLLERS}
 ]
 MORE = """
-[controller.none]
-law = "python"
-object = "none.py:None"
+[controller]
+none = { law = "python", object = "none.py:None" }
 [controller.own]
 law = "library"
 library = "own.so"

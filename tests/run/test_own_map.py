@@ -201,14 +201,10 @@ LAWS: dict[str, dict[str, Any]] = {
     "pi-afc": {"law": "pi-afc", **FEEDBACK, "gain": 10.0, "orders": [6, 24]},
 }
 MORE = """
-[scenario.turns]
-duration = "1 s"
-reference = "120 rpm"
-initial_speed = "120 rpm"
-[controller.law]
-law = "pi"
-kp = 1
-ki = 1
+[scenario]
+turns = { duration = "1 s", reference = "120 rpm", initial_speed = "120 rpm" }
+[controller]
+law = { law = "pi", kp = 1, ki = 1 }
 [[metric]]
 name = "first"
 kind = "ripple-rms"

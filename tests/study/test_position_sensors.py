@@ -21,14 +21,10 @@ ENCODER = {"kind": "encoder", "lines": 2500}
 WAVES = {1: (0.4, 0.3), 2: (0.15, -1.0)}  # order: amplitude and phase, deg and rad
 TURN = f"""title = "Errors of a sensor"
 {studies.IDEAL}
-[scenario.turn]
-duration = "1.2 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
-[controller.pi]
-law = "pi"
-kp = "0.002 A/rpm"
-ki = "0.01 A/rpm/s"
+[scenario]
+turn = {{ duration = "1.2 s", reference = "60 rpm", initial_speed = "60 rpm" }}
+[controller]
+pi = {{ law = "pi", kp = "0.002 A/rpm", ki = "0.01 A/rpm/s" }}
 [[metric]]
 name = "position_error"
 kind = "order"
