@@ -191,7 +191,7 @@ def but(value, *trials):
             "change.", f"No learning grows worse from the start: {GROWN}", id="every controller diverges"),
         pytest.param({"ilc": FALLS, "input": but(np.nan, slice(30, 60))}, "better",
             f"{ILC} is at {FLOOR} {EVERY}; no learning never is. {UNRANKED}",
-            f"ILC into the input diverges {LOAD}: its error doesn't stay finite.", id="an error isn't finite"),
+            f"ILC into the input diverges {LOAD}: its error doesn't stay finite.", id="an infinite error"),
         pytest.param({"none": FALLS, "ilc": falls(3.0, 0.8), "input": STAYS}, "worse",
             f"No controller beats no learning: it is at {FLOOR} {EVERY}; the next, {ILC}, takes up to 7 "
             "trials.", None, id="the baseline is the best"),
