@@ -1,8 +1,12 @@
 """A small study as a user writes it, and a way to change it."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from cogless.errors import StudyError
 from cogless.study import Study, load
 
 # A motor on an ideal current loop, for what needs a run of seconds at once; ends within [drive].
@@ -132,3 +136,12 @@ def write(folder: Path, text: str = BASE) -> Path:
 def study(folder: Path, changes: dict[str, Any] | None = None, text: str = BASE) -> Study:
     """The study of the text with changes."""
     return load(write(folder, text), changes)
+
+
+def refusal(call: Callable[..., Any], *arguments: Any, **named: Any) -> str:
+    """The one line by which a call is refused; files without the folder of the file that it names first."""
+    with pytest.raises(StudyError) as error:
+        call(*arguments, **named)
+    (line,) = str(error.value).splitlines()
+    folder = line.partition(": ")[0].rpartition("/")[0]
+    return line.replace(f"{folder}/", "") if folder else line

@@ -19,10 +19,7 @@ MY_MOTOR = Path(__file__).parents[2] / "examples" / "my_motor.toml"
 
 def refused(study: str | Path, changes: dict[str, Any] | None = None) -> str:
     """The message on a study, without the file's name in front."""
-    with pytest.raises(StudyError) as error:
-        load(study, changes)
-    (line,) = str(error.value).splitlines()
-    return line.removeprefix(f"{study}: ")
+    return studies.refusal(load, study, changes).removeprefix(f"{Path(study).name}: ")
 
 
 def written(message: str) -> dict[str, Any]:

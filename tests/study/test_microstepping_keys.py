@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import studies
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.printer.corrections import Coefficient, Correction
@@ -40,9 +41,7 @@ TABLE = f"{PATH}.correction.forward"
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(StudyError) as error:
-        load("printer", changes)
-    assert message in str(error.value) and len(str(error.value).splitlines()) == 1
+    assert message in studies.refusal(load, "printer", changes)
 
 
 def printer_with_file(folder: Path, text: str | None, **more: Any) -> Any:
@@ -83,9 +82,7 @@ def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
 def test_a_wrong_file_is_one_line(
     tmp_path: Path, text: str | None, more: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(StudyError) as error:
-        printer_with_file(tmp_path, text, **more)
-    assert message in str(error.value) and len(str(error.value).splitlines()) == 1
+    assert message in studies.refusal(printer_with_file, tmp_path, text, **more)
 
 
 def test_a_servo_motor_has_no_microsteps() -> None:

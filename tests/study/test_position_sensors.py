@@ -114,11 +114,7 @@ def test_a_law_elsewhere_is_not_exported_with_the_drive(tmp_path: Path, changes:
 
 
 def line_of(folder: Path, changes: dict[str, Any]) -> str:
-    with pytest.raises(StudyError) as error:
-        load(studies.write(folder), changes)
-    line = str(error.value)
-    assert "\n" not in line
-    return line.split("study.toml: ", 1)[1].replace(f"{folder}/", "")
+    return studies.refusal(studies.study, folder, changes).removeprefix("study.toml: ")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A study of trials: what it means, and a mistake in it as one line."""
 
 import itertools
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from trial_studies import DRIVE, LINEAR
 
-from cogless.errors import StudyError
 from cogless.study import Study, load
 from cogless.study.linear_plant import ExpressionError, evaluate
 from cogless.study.trial_study import PositionReference
+from studies import refusal
 
-
-def line_of(folder: Path, changes: dict[str, Any], text: str) -> str:
-    path = trial_studies.write(folder, text)
-    with pytest.raises(StudyError) as error:
-        load(path, changes)
-    line = str(error.value)
-    assert "\n" not in line
-    return line.replace(str(folder) + "/", "")
+line_of = partial(refusal, trial_studies.loaded)
 
 
 def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
