@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -93,7 +92,6 @@ def test_note_where_the_exact_plant_is_unstable() -> None:
 
 def test_four_structures_share_their_gains(plant: UncertainPlant, gains: TrialGains) -> None:
     settings = mandra_settings(cutoff=30.0)
-    start = time.process_time()
     full, simplified, proportional, without = (
         design_trial(plant, changed, gains)
         for changed in (
@@ -103,7 +101,6 @@ def test_four_structures_share_their_gains(plant: UncertainPlant, gains: TrialGa
             replace(settings, learning=False),
         )
     )
-    assert time.process_time() - start < 1.0  # a third of it on a quiet machine
     assert (full.through_integrator, simplified.through_integrator) == (True, False)
     assert (proportional.K_2, proportional.through_integrator) == (0.0, False)
     assert (without.K_3, without.q_filter, without.certificate.design.without_filter) == (0.0, None, None)
@@ -168,9 +165,7 @@ def test_older_law_telescopes(plant: UncertainPlant) -> None:
 
 def test_norm_optimal_learning(plant: UncertainPlant, gains: TrialGains) -> None:
     settings = mandra_settings(kind="norm-optimal", samples=300)
-    start = time.process_time()
     design = design_trial(plant, settings, gains)
-    assert time.process_time() - start < 1.0
     assert design.learning_matrix is not None and design.learning_matrix.shape == (300, 300)
     assert (design.K_3, design.q_filter) == (0.0, None)
     assert design.notes == ()

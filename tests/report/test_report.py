@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import time
 from dataclasses import replace
 from html import escape
 from html.parser import HTMLParser
@@ -1168,10 +1167,8 @@ def test_page_of_a_standing_rotor(made):
     assert data_of(render(Results(made.study, [run])))["scenarios"][0]["spectra"] == []
 
 
-def test_page_is_quick_and_small(made, tmp_path):
-    begun = time.process_time()
+def test_page_is_small(made, tmp_path):
     write(made, tmp_path / "report.html")
-    assert time.process_time() - begun < 1.0  # about 0.1 s on a free machine
     assert (tmp_path / "report.html").stat().st_size < 3_000_000
 
 
