@@ -733,21 +733,9 @@ def test_list_tells_titles_and_first_comments(
 
 
 HEAVY = [
-    "dask",
-    "jinja2",
-    "matplotlib",
-    "netCDF4",
-    "numpy",
-    "pandas",
-    "pint",
-    "pydantic",
-    "pyarrow",
-    "rich",
-    "scipy",
-    "scipy.stats",
-    "typer",
-    "xarray",
-]
+    "dask", "jinja2", "matplotlib", "netCDF4", "numpy", "pandas", "pint", "pydantic", "pyarrow", "rich",
+    "scipy", "scipy.stats", "typer", "xarray",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -142,15 +142,8 @@ def test_the_command_exports_a_linear_plant_and_says_how_large_a_matrix_is(tmp_p
 
     def said(controller: str) -> str:
         words = [
-            "export",
-            str(path),
-            "--controller",
-            controller,
-            "--to",
-            "c",
-            "-o",
-            str(tmp_path / controller),
-        ]
+            "export", str(path), "--controller", controller, "--to", "c", "-o", str(tmp_path / controller),
+        ]  # fmt: skip
         found = CliRunner().invoke(app, words)
         assert found.exit_code == 0, found.exception
         return found.stdout

@@ -52,14 +52,9 @@ def trace(reverses=False):
     omega = speed + 0.4 * np.sin(8 * theta) + 0.1 * np.cos(2.5 * theta) + 0.01 * rng.standard_normal(2000)
     current = 0.5 + 0.2 * np.sin(8 * theta + 1)
     columns = [
-        time,
-        theta,
-        omega,
-        speed * 0 + 12.0,
-        0.01 * current,
-        current,
+        time, theta, omega, speed * 0 + 12.0, 0.01 * current, current,
         current + 0.01 * rng.standard_normal(2000),
-    ]
+    ]  # fmt: skip
     return Trace(tuple(NAMES), tuple(NAMES.values()), np.column_stack(columns))
 
 

@@ -163,15 +163,10 @@ def test_codes_that_are_not_known_are_shown() -> None:
 @pytest.mark.parametrize(
     ("one", "other", "wanted"),
     [
-        (1, 2, 2),
-        (2, 1, 2),
-        (2**32 - 1, 0, 0),
-        (0, 2**32 - 1, 0),
-        (7, 7, 7),
-        (0, 2**31 - 1, 2**31 - 1),
+        (1, 2, 2), (2, 1, 2), (2**32 - 1, 0, 0), (0, 2**32 - 1, 0), (7, 7, 7), (0, 2**31 - 1, 2**31 - 1),
         (0, 2**31, 0),
     ],
-)
+)  # fmt: skip
 def test_the_newest_of_a_dump(one: int, other: int, wanted: int) -> None:
     slots = [bytes(replace(EXAMPLE, sequence=n)).ljust(512, b"\xff") for n in (one, other)]
     found = stored_map.find(b"".join(slots))

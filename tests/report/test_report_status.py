@@ -52,17 +52,10 @@ def test_a_state_that_lasts_has_a_lane_without_faults(made):
 
 def test_every_state_has_a_lane_of_its_name(made):
     assert list(lanes(with_status(made, sum(Status)))) == [
-        "safe output",
-        "angle missing",
-        "angle shifted",
-        "angle stuck",
-        "current not plausible",
-        "bus voltage not plausible",
-        "at its limit (current or voltage)",
-        "not learning",
-        "error far beyond the usual",
-        "learning held back by the guard",
-    ]
+        "safe output", "angle missing", "angle shifted", "angle stuck", "current not plausible",
+        "bus voltage not plausible", "at its limit (current or voltage)", "not learning",
+        "error far beyond the usual", "learning held back by the guard",
+    ]  # fmt: skip
 
 
 def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):

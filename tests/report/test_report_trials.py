@@ -572,16 +572,9 @@ def test_certificate_table_cell_by_cell(made):
     first, second = re.findall(r"<tr>(.*?)</tr>", page.split("<tbody>")[1])
     assert '<th rowspan="2">' in first and "<th" not in second
     assert texts(first) == [
-        "Euler",
-        "0.985 stable",
-        "1.27 unstable",
-        "0.500",
-        "0.976 contracting at 62.5 Hz",
-        "1 monotone at 200 Hz",
-        "1.20 may grow",
-        "1.17",
-        "1.2 none with Q filter",
-    ]
+        "Euler", "0.985 stable", "1.27 unstable", "0.500", "0.976 contracting at 62.5 Hz",
+        "1 monotone at 200 Hz", "1.20 may grow", "1.17", "1.2 none with Q filter",
+    ]  # fmt: skip
     assert texts(second) == [
         "exactly sampled, decides", "1.02 unstable", "0.900 stable", *["–"] * 5, "–",  # noqa: RUF001
     ]  # fmt: skip
@@ -618,18 +611,11 @@ def test_a_certificate_in_lines(made):
     assert warned == [line]
     assert rows == [
         (
-            "Euler",
-            "0.9852",
-            "1.273 unstable",
-            "0.976367 at 62.5 Hz, contracting",
-            "-",
-            "0.99",
-            "-",
-            "-",
+            "Euler", "0.9852", "1.273 unstable", "0.976367 at 62.5 Hz, contracting", "-", "0.99", "-", "-",
             "1.2000",
         ),
         ("exact, decides", "0.9852", "1.273", "1.00032 at 198.8 Hz, may grow", "-", "0.99", "-", "-", "none"),
-    ]
+    ]  # fmt: skip
     monotone = replace(good, without_filter=learning(1.0, 0.0, True))
     line, warned, _ = told(good, monotone)
     assert line.endswith("exact model: 1 at 0 Hz, monotone") and warned == []

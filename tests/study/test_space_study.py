@@ -284,14 +284,10 @@ def test_a_reference_file_without_a_heading_is_in_s_and_rad_per_s(tmp_path: Path
 @pytest.mark.parametrize(
     "heading",
     [
-        "time [s],speed [rpm]",
-        "t,n (rpm)",
-        "time_ms , speed_rpm",
-        "Zeit/ms,n/rpm",
-        "time [ms],speed r/min",
+        "time [s],speed [rpm]", "t,n (rpm)", "time_ms , speed_rpm", "Zeit/ms,n/rpm", "time [ms],speed r/min",
         "s,rpm",
     ],
-)
+)  # fmt: skip
 def test_the_units_that_a_heading_names(tmp_path: Path, heading: str) -> None:
     second = 1000 if "ms" in heading else 1
     (tmp_path / "speeds.csv").write_text(f"{heading}\n0,60\n{second},120\n")

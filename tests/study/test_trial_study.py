@@ -109,14 +109,10 @@ def test_references_stop_at_each_point_and_stay_between(values: list[float], gap
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("-B / J", -2.0),
-        ("2*(J+B)**2", 18.0),
-        ("1.5e-3", 0.0015),
-        ("+J", 1.0),
-        ("-2**2", -4.0),
+        ("-B / J", -2.0), ("2*(J+B)**2", 18.0), ("1.5e-3", 0.0015), ("+J", 1.0), ("-2**2", -4.0),
         ("J" + 99 * "+J" + " ", 100.0),
     ],
-)
+)  # fmt: skip
 def test_expressions(text: str, value: float) -> None:
     assert evaluate(text, {"B": 2.0, "J": 1.0}) == value
 
