@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import trial_studies
 from design.test_back_emf import STEP_MOTOR
+from design.test_detent import NEMA_17
 
 import cogless
 from cogless.cli.printed import a_metric
@@ -32,6 +33,7 @@ from cogless.report.comparison import error_metric
 from cogless.run.simulate import run_study, simulate
 from cogless.study import AnyStudy, TrialStudy, changed
 from cogless.study.reading import Remark
+from studies import IDEAL
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "run", "report", "cli")
@@ -44,22 +46,7 @@ law = "pi"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }
 """
 # A step motor of 50 teeth: 20 mN m of order 200 on 54 g cm^2 are 137 Hz.
-NEMA = f"""title = "A step motor"
-[motor]
-kind = "step"
-teeth = 50
-R_s = "1.5 ohm"
-L_0 = "3 mH"
-L_m = ["5 mH"]
-L_f = ["0.2 mH"]
-[mechanics]
-inertia = "54 g*cm^2"
-[drive]
-rates = {{ current_loop = "20 kHz", speed_loop = "4 kHz" }}
-current_loop = {{ bandwidth = "800 Hz", current_limit = "2 A" }}
-inverter = {{ bus_voltage = "24 V" }}
-position_sensor = {{ kind = "absolute", bits = 14, speed_method = "observer", observer_bandwidth = "200 Hz" }}
-{DRIVE}"""
+NEMA = f'title = "A step motor"\n{NEMA_17.replace("bits = 17", "bits = 14")}{DRIVE}'
 # A worm drive that follows the stars, with few counts a second.
 TELESCOPE = f"""title = "A telescope"
 [motor]
@@ -103,22 +90,9 @@ law = "harmonic"
 tuning = { rule = "auto" }
 """
 SLOW_SKY = {"scenario.slow.reference": "0.1 rpm", "scenario.slow.duration": "40 s"}
-TABLE = """title = "A table"
-[motor]
-pole_pairs = 4
-R_s = "1 ohm"
-L_d = "3 mH"
-L_q = "3 mH"
-psi_f = "20 mWb"
-cogging = [ {order = 24, torque = "4 mN*m"} ]
-[mechanics]
-inertia = "2.5e-4 kg*m^2"
-viscous_friction = "1e-4 N*m*s/rad"
-[drive]
-rates = { current_loop = "2 kHz", speed_loop = "1 kHz" }
-current_loop = { kind = "ideal", current_limit = "3 A" }
-[scenario]
-slow = { duration = "2 s", reference = "60 rpm", initial_speed = "60 rpm" }
+TABLE = f"""title = "A table"
+{IDEAL}[scenario]
+slow = {{ duration = "2 s", reference = "60 rpm", initial_speed = "60 rpm" }}
 [controller.pi]
 law = "pi"
 kp = 0.15

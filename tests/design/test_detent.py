@@ -32,8 +32,7 @@ tuning = { rule = "phase-margin", phase_margin = "60 deg" }
 gain = "1 mA*s/rad"
 cells = 4096
 """
-STEP = f"""title = "A step motor of 50 teeth"
-[motor]
+NEMA_17 = """[motor]
 kind = "step"
 teeth = 50
 R_s = "1.5 ohm"
@@ -43,11 +42,13 @@ L_f = ["0.2 mH"]
 [mechanics]
 inertia = "54 g*cm^2"
 [drive]
-rates = {{ current_loop = "20 kHz", speed_loop = "4 kHz" }}
-current_loop = {{ bandwidth = "800 Hz", current_limit = "2 A" }}
-inverter = {{ bus_voltage = "24 V" }}
-position_sensor = {{ kind = "absolute", bits = 17, speed_method = "observer", observer_bandwidth = "200 Hz" }}
-[scenario.turn]
+rates = { current_loop = "20 kHz", speed_loop = "4 kHz" }
+current_loop = { bandwidth = "800 Hz", current_limit = "2 A" }
+inverter = { bus_voltage = "24 V" }
+position_sensor = { kind = "absolute", bits = 17, speed_method = "observer", observer_bandwidth = "200 Hz" }
+"""
+STEP = f"""title = "A step motor of 50 teeth"
+{NEMA_17}[scenario.turn]
 duration = "6 s"
 reference = "30 rpm"
 {LAWS}"""
