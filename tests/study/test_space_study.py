@@ -455,14 +455,11 @@ def test_a_law_over_the_angle_at_its_bounds_and_beyond(
 def test_metrics_in_the_electrical_frame(tmp_path: Path) -> None:
     from cogless import run_study
 
-    changes = {
-        "metric": [
-            {"name": "m", "kind": "peak-to-peak", "signal": "omega_m", "frame": frame, "scenarios": ["low"]}
-            for frame in ("mechanical",)
-        ]
-    }
-    study = load(studies.write(tmp_path), changes)
-    turned = load(studies.write(tmp_path), {"metric": [{**changes["metric"][0], "frame": "electrical"}]})
+    metric = {"name": "m", "kind": "peak-to-peak", "signal": "omega_m", "scenarios": ["low"]}
+    study, turned = (
+        load(studies.write(tmp_path), {"metric": [{**metric, "frame": frame}]})
+        for frame in ("mechanical", "electrical")
+    )
     (one,), (other,) = (run_study(s, ["low/pi"]).runs for s in (study, turned))
     assert other.metrics["m_rad_s"] == pytest.approx(4 * np.float64(one.metrics["m_rad_s"]))
 
