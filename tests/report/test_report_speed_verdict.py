@@ -87,6 +87,8 @@ def case(study, *lines, worsened=()):
             f"{ILC} and {FAIR} tie: they leave 1.00 rpm and 1.04 rpm of speed ripple, "
             f"about 2.00 times less than {PI} (2.00 rpm)."),
         ({"pi": 2, "ilc": 0}, (), "better", f"{ILC} leaves 0 rpm of speed ripple, against {PI} (2.00 rpm)."),
+        ({"pi": 0, "ilc": 1}, (), "worse",
+            f"no controller beats {PI}: it leaves 0 rpm of speed ripple; the next, {ILC}, 1.00 rpm (worse)."),
         ({"pi": 2, "ilc": 0, "fair": 0}, (), "even",
             f"{FAIR} and {ILC} tie: they leave 0 rpm and 0 rpm of speed ripple, against {PI} (2.00 rpm)."),
     ],
