@@ -9,11 +9,20 @@ from cogless.study import Study
 TEXT = f"""title = "A small ensemble"
 seed = 5
 {studies.IDEAL}
-[scenario]
-low = {{ duration = "0.3 s", reference = "300 rpm", initial_speed = "300 rpm" }}
-[controller]
-pi = {{ law = "pi", kp = "0.015 A/rpm", ki = "0.3 A/rpm/s" }}
-pi-ilc = {{ law = "pi-ilc", kp = "0.015 A/rpm", ki = "0.3 A/rpm/s", gain = "0.001 A/rpm", cells = 64 }}
+[scenario.low]
+duration = "0.3 s"
+reference = "300 rpm"
+initial_speed = "300 rpm"
+[controller.pi]
+law = "pi"
+kp = "0.015 A/rpm"
+ki = "0.3 A/rpm/s"
+[controller.pi-ilc]
+law = "pi-ilc"
+kp = "0.015 A/rpm"
+ki = "0.3 A/rpm/s"
+gain = "0.001 A/rpm"
+cells = 64
 [[metric]]
 name = "ripple"
 kind = "ripple-rms"
