@@ -81,17 +81,8 @@ def declarations(flags: list[str], scratch: Path) -> str:
         (scratch / name).touch()
     text = "\n".join(f'#include "cogless/{name}"' for name in HEADERS)
     command = [
-        "cc",
-        "-E",
-        "-P",
-        "-nostdinc",
-        f"-I{scratch}",
-        f"-I{SOURCE}",
-        "-Dstatic=",
-        "-Dinline=",
-        *flags,
-        "-",
-    ]
+        "cc", "-E", "-P", "-nostdinc", f"-I{scratch}", f"-I{SOURCE}", "-Dstatic=", "-Dinline=", *flags, "-",
+    ]  # fmt: skip
     plain = subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
     return re.sub(r"\)\s*\{.*?\n\}", ");", plain, flags=re.DOTALL)
 

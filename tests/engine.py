@@ -87,10 +87,7 @@ RIPPLE = {
         {"order": 6, "d": 2e-3, "q": 1e-3, "d_phase": 0.3, "q_phase": -0.2},
         {"order": 12, "d": 5e-4, "q": 3e-4, "d_phase": 0.0, "q_phase": 0.1},
     ],
-    "cogging": [
-        {"order": 24, "torque": 0.03, "phase": 0.4},
-        {"order": 9, "torque": 0.01, "phase": 0.0},
-    ],
+    "cogging": [{"order": 24, "torque": 0.03, "phase": 0.4}, {"order": 9, "torque": 0.01, "phase": 0.0}],
 }
 
 

@@ -152,12 +152,8 @@ def steady_inputs(steps: int, ts: float, omega: float) -> list[PositionInput]:
         turned += 2e-4 * math.cos(6 * turned) + 5e-5 * math.sin(24 * turned)
         seen = turned + 0.01 * math.cos(turned)
         values = [
-            turned,
-            omega,
-            0.0,
-            math.nan if n == 900 else seen % math.tau,
-            omega + 0.1 * math.sin(6 * turned),
-        ]
+            turned, omega, 0.0, math.nan if n == 900 else seen % math.tau, omega + 0.1 * math.sin(6 * turned),
+        ]  # fmt: skip
         rows.append(PositionInput(*single(values), learn=n % 700 < 695))
     return rows
 

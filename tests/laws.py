@@ -127,13 +127,7 @@ BAD_SPACE_MEMORY = BAD_MEMORY | {
 }
 SPACE_GAINS = {"k_theta": 5.0, "k_omega": 5.0, "k_v": 0.0, "v_0": 0.0, "v_2": 0.0, "k_i": 50.0,
                "mu_alpha": 250.0, "mu_beta": 0.1, "mu_h": 0.1, "ramp": 1.0}  # fmt: skip
-SPACE_POSITION = SPACE_GAINS | {
-    "ratio": 50,
-    "hand_over": True,
-    "omega_min": 0.1,
-    "index": 0,
-    "limit": 15.0,
-}
+SPACE_POSITION = SPACE_GAINS | {"ratio": 50, "hand_over": True, "omega_min": 0.1, "index": 0, "limit": 15.0}
 BAD_SPACE_POSITION = {k: NOT_NEGATIVE for k in SPACE_GAINS} | {
     "ratio": [65536, 0xFFFFFFFF],
     "omega_min": POSITIVE,

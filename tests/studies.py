@@ -1,8 +1,12 @@
 """A small study as a user writes it, and a way to change it."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from cogless.errors import StudyError
 from cogless.study import Study, load
 
 # A motor on an ideal current loop, for what needs a run of seconds at once; ends within [drive].
@@ -56,17 +60,11 @@ rates = { current_loop = "16 kHz", speed_loop = "8 kHz" }
 current_loop = { bandwidth = "800 Hz", current_limit = "250 A" }
 inverter = { bus_voltage = "800 V" }
 current_reference = { field_weakening = true }
-[scenario.fast]
-duration = "2 s"
-reference = "4500 rpm"
-initial_speed = "3000 rpm"
-[controller.pi]
-law = "pi"
-tuning = { rule = "phase-margin", phase_margin = "60 deg" }
-[controller.harmonic]
-law = "harmonic"
-base = 12
-tuning = { rule = "auto" }
+[scenario]
+fast = { duration = "2 s", reference = "4500 rpm", initial_speed = "3000 rpm" }
+[controller]
+pi = { law = "pi", tuning = { rule = "phase-margin", phase_margin = "60 deg" } }
+harmonic = { law = "harmonic", base = 12, tuning = { rule = "auto" } }
 [[metric]]
 name = "speed_ripple"
 kind = "ripple-rms"
@@ -85,14 +83,10 @@ psi_f = "68 mWb"
 cogging = [ {order = 24, torque = "4 mN*m"} ]
 [mechanics]
 inertia = "2.5e-4 kg*m^2"
-[drive.rates]
-current_loop = "15 kHz"
-speed_loop = "1 kHz"
-[drive.current_loop]
-bandwidth = "800 Hz"
-current_limit = "3 A"
-[drive.inverter]
-bus_voltage = "310 V"
+[drive]
+rates = { current_loop = "15 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "800 Hz", current_limit = "3 A" }
+inverter = { bus_voltage = "310 V" }
 [scenario.low]
 duration = "0.4 s"
 reference = "60 rpm"
@@ -142,3 +136,12 @@ def write(folder: Path, text: str = BASE) -> Path:
 def study(folder: Path, changes: dict[str, Any] | None = None, text: str = BASE) -> Study:
     """The study of the text with changes."""
     return load(write(folder, text), changes)
+
+
+def refusal(call: Callable[..., Any], *arguments: Any, **named: Any) -> str:
+    """The one line by which a call is refused; files without the folder of the file that it names first."""
+    with pytest.raises(StudyError) as error:
+        call(*arguments, **named)
+    (line,) = str(error.value).splitlines()
+    folder = line.partition(": ")[0].rpartition("/")[0]
+    return line.replace(f"{folder}/", "") if folder else line

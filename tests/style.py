@@ -19,25 +19,10 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "cogless"
 # Words that say nothing of a value: name what it holds.
 VAGUE_NAMES = frozenset(
     {
-        "found",
-        "told",
-        "made",
-        "said",
-        "kept",
-        "wanted",
-        "known",
-        "given",
-        "shown",
-        "held",
-        "here",
-        "there",
-        "each",
-        "both",
-        "about",
-        "left",
-        "beside",
+        "found", "told", "made", "said", "kept", "wanted", "known", "given", "shown", "held", "here", "there",
+        "each", "both", "about", "left", "beside",
     }
-)
+)  # fmt: skip
 VAGUE_FUNCTIONS = VAGUE_NAMES | {"of", "at", "within", "over", "rows", "lines", "text", "words"}
 ALIASES = frozenset({"Array", "Real", "Reals", "Complex", "Pair", "Place", "Progress", "All", "Row"})
 POSITIONAL_MOST = 5  # arguments of a class
@@ -255,23 +240,11 @@ def small_file(files: Files) -> Iterator[str]:
 
 
 RULES: tuple[Rule, ...] = (
-    constant_with_several_values,
-    number_of_one_word,
-    vague_local,
-    vague_argument,
-    vague_function,
-    many_positional_arguments,
-    fragment_of_a_comment,
-    alias_defined_again,
-    type_test_of_a_study,
-    comparison_of_a_kind_of_study,
-    type_test_of_a_law,
-    message_taken_apart,
-    number_copied_from_c,
-    unit_factor_written_out,
-    file_name_used_again,
-    small_file,
-)
+    constant_with_several_values, number_of_one_word, vague_local, vague_argument, vague_function,
+    many_positional_arguments, fragment_of_a_comment, alias_defined_again, type_test_of_a_study,
+    comparison_of_a_kind_of_study, type_test_of_a_law, message_taken_apart, number_copied_from_c,
+    unit_factor_written_out, file_name_used_again, small_file,
+)  # fmt: skip
 
 
 def main() -> None:

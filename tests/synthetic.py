@@ -34,14 +34,10 @@ flux_harmonics = [ {order = 6, d = "1 mWb"} ]
 cogging = [ {order = 24, torque = "4 mN*m"}, {order = 18, torque = "2 mN*m", phase = "30 deg"} ]
 [mechanics]
 inertia = "2.5e-4 kg*m^2"
-[drive.rates]
-current_loop = "15 kHz"
-speed_loop = "1 kHz"
-[drive.current_loop]
-bandwidth = "800 Hz"
-current_limit = "3 A"
-[drive.inverter]
-bus_voltage = "310 V"
+[drive]
+rates = { current_loop = "15 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "800 Hz", current_limit = "3 A" }
+inverter = { bus_voltage = "310 V" }
 [scenario.low-speed]
 duration = "10 s"
 reference = "60 rpm"

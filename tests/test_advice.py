@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import trial_studies
 from design.test_back_emf import STEP_MOTOR
+from design.test_detent import NEMA_17
 
 import cogless
 from cogless.cli.printed import a_metric
@@ -32,35 +33,20 @@ from cogless.report.comparison import error_metric
 from cogless.run.simulate import run_study, simulate
 from cogless.study import AnyStudy, TrialStudy, changed
 from cogless.study.reading import Remark
+from studies import IDEAL
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "run", "report", "cli")
 MY_MOTOR, SMALLEST = ROOT / "examples" / "my_motor.toml", ROOT / "examples" / "smallest.toml"
 DRIVE = """
-[scenario.slow]
-duration = "6 s"
-reference = "60 rpm"
+[scenario]
+slow = { duration = "6 s", reference = "60 rpm" }
 [controller.pi]
 law = "pi"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }
 """
 # A step motor of 50 teeth: 20 mN m of order 200 on 54 g cm^2 are 137 Hz.
-NEMA = f"""title = "A step motor"
-[motor]
-kind = "step"
-teeth = 50
-R_s = "1.5 ohm"
-L_0 = "3 mH"
-L_m = ["5 mH"]
-L_f = ["0.2 mH"]
-[mechanics]
-inertia = "54 g*cm^2"
-[drive]
-rates = {{ current_loop = "20 kHz", speed_loop = "4 kHz" }}
-current_loop = {{ bandwidth = "800 Hz", current_limit = "2 A" }}
-inverter = {{ bus_voltage = "24 V" }}
-position_sensor = {{ kind = "absolute", bits = 14, speed_method = "observer", observer_bandwidth = "200 Hz" }}
-{DRIVE}"""
+NEMA = f'title = "A step motor"\n{NEMA_17.replace("bits = 17", "bits = 14")}{DRIVE}'
 # A worm drive that follows the stars, with few counts a second.
 TELESCOPE = f"""title = "A telescope"
 [motor]
@@ -97,10 +83,8 @@ current_loop = { bandwidth = "1200 Hz", current_limit = "1.5 A", decoupling = fa
 inverter = { bus_voltage = "44 V" }
 current_sensors = { noise = "60 mA" }
 position_sensor = { kind = "absolute", bits = 16, speed_method = "observer", observer_bandwidth = "300 Hz" }
-[scenario.slow]
-duration = "6 s"
-reference = "240 rpm"
-initial_speed = "240 rpm"
+[scenario]
+slow = { duration = "6 s", reference = "240 rpm", initial_speed = "240 rpm" }
 [controller.harmonic]
 law = "harmonic"
 tuning = { rule = "auto" }
@@ -126,24 +110,9 @@ law = "pi"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }
 """
 SLOW_SKY = {"scenario.slow.reference": "0.1 rpm", "scenario.slow.duration": "40 s"}
-TABLE = """title = "A table"
-[motor]
-pole_pairs = 4
-R_s = "1 ohm"
-L_d = "3 mH"
-L_q = "3 mH"
-psi_f = "20 mWb"
-cogging = [ {order = 24, torque = "4 mN*m"} ]
-[mechanics]
-inertia = "2.5e-4 kg*m^2"
-viscous_friction = "1e-4 N*m*s/rad"
-[drive]
-rates = { current_loop = "2 kHz", speed_loop = "1 kHz" }
-current_loop = { kind = "ideal", current_limit = "3 A" }
-[scenario.slow]
-duration = "2 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
+TABLE = f"""title = "A table"
+{IDEAL}[scenario]
+slow = {{ duration = "2 s", reference = "60 rpm", initial_speed = "60 rpm" }}
 [controller.pi]
 law = "pi"
 kp = 0.15
@@ -298,10 +267,8 @@ input_weight = 10
 initial_state = [1, 0, 0]
 initial_change = [0.1, 0, 0]
 initial_error = 1
-[scenario.move]
-duration = "3 s"
-trials = 12
-reference = [["0.2 s", 0], ["2 s", 1], ["3 s", 1]]
+[scenario]
+move = { duration = "3 s", trials = 12, reference = [["0.2 s", 0], ["2 s", 1], ["3 s", 1]] }
 [controller.ilc]
 law = "trial-ilc"
 """
@@ -318,10 +285,8 @@ J = [7e-4, 9e-4]
 state_weight = [1e4, 1, 1e2, 0.1, 1]
 input_weight = 1
 initial_state = [0.01, 0, 0.01, 0, 0]
-[scenario.move]
-duration = "1 s"
-trials = 3
-reference = [["0.1 s", 0], ["0.8 s", 1]]
+[scenario]
+move = { duration = "1 s", trials = 3, reference = [["0.1 s", 0], ["0.8 s", 1]] }
 [controller.ilc]
 law = "trial-ilc"
 learning = false

@@ -143,19 +143,13 @@ def test_numbers_are_those_of_a_cast() -> None:
         ("cgl_memory_config", {**MEMORY, "cells": -1}, r"cells: -1: expected a value of uint32_t"),
         ("cgl_memory_config", {**MEMORY, "cells": 1 << 32}, r"4294967296: expected a value of uint32_t"),
         ("cgl_memory_config", {**MEMORY, "cells": 8.0}, r"cells: 8\.0: expected a value of uint32_t"),
-        (
-            "cgl_memory_config",
-            {**MEMORY, "kind": "time"},
-            r"kind: 'time': expected a value of cgl_memory_kind",
-        ),
+        ("cgl_memory_config", {**MEMORY, "kind": "time"},
+            r"kind: 'time': expected a value of cgl_memory_kind"),
         ("cgl_memory_config", {**MEMORY, "kind": 1}, r"kind: 1: expected a value of cgl_memory_kind"),
-        (
-            "cgl_pi_ilc_config",
-            {"pi": {**PI, "ki": "1 ms"}, "gain": 0, "memory": MEMORY},
-            r"cgl_pi_ilc_config\.pi\.ki: '1 ms'",
-        ),
+        ("cgl_pi_ilc_config", {"pi": {**PI, "ki": "1 ms"}, "gain": 0, "memory": MEMORY},
+            r"cgl_pi_ilc_config\.pi\.ki: '1 ms'"),
     ],
-)
+)  # fmt: skip
 def test_what_no_member_holds_is_refused(name: str, values: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         control_layout("single").pack(name, values)

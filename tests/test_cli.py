@@ -165,26 +165,16 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
     [
         (["run", "nowhere.toml"], "nowhere.toml: no such study: expected a file, or one of the shipped: "),
         (["run", "FOLDER"], "FOLDER: is a directory: expected a study file"),
-        (
-            ["run", "STUDY", "--set", "motor.datasheet=none"],
-            'STUDY: motor.datasheet: "none": no such datasheet: expected a file, or one of the shipped: ',
-        ),
-        (
-            ["run", "STUDY", "--set", "controller.p.kp=1"],
-            "STUDY: controller.p.kp: 1: expected a controller of pi, fair",
-        ),
-        (
-            ["run", "STUDY", "--set", "scenario.lo.duration_=1"],
-            "STUDY: scenario.lo.duration_: 1: expected a scenario of low, step",
-        ),
-        (
-            ["run", "STUDY", "--set", 'metric.0.window=["1 s"]'],
-            'STUDY: metric.0.window: ["1 s"]: expected 2 values',
-        ),
-        (
-            ["run", "STUDY", "--set", 'metric.0.window=["1 s", "2 s", "3 s"]'],
-            'STUDY: metric.0.window: ["1 s", "2 s", "3 s"]: expected 2 values',
-        ),
+        (["run", "STUDY", "--set", "motor.datasheet=none"],
+            'STUDY: motor.datasheet: "none": no such datasheet: expected a file, or one of the shipped: '),
+        (["run", "STUDY", "--set", "controller.p.kp=1"],
+            "STUDY: controller.p.kp: 1: expected a controller of pi, fair"),
+        (["run", "STUDY", "--set", "scenario.lo.duration_=1"],
+            "STUDY: scenario.lo.duration_: 1: expected a scenario of low, step"),
+        (["run", "STUDY", "--set", 'metric.0.window=["1 s"]'],
+            'STUDY: metric.0.window: ["1 s"]: expected 2 values'),
+        (["run", "STUDY", "--set", 'metric.0.window=["1 s", "2 s", "3 s"]'],
+            'STUDY: metric.0.window: ["1 s", "2 s", "3 s"]: expected 2 values'),
         (["run"], "Missing argument 'STUDY'. See cogless run --help."),
         (["fly"], "No such command 'fly'. See cogless --help."),
         (["runn"], "No such command 'runn'. Did you mean 'run'? See cogless --help."),
@@ -201,7 +191,7 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         (["run", "STUDY", "--only", "a/b"], 'STUDY: --only: "a/b": expected SCENARIO/CONTROLLER of low/pi, '),
         (["calibrate", "STUDY"], "STUDY: calibration: missing: expected a table of parameters, targets"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
 ) -> None:
@@ -746,21 +736,9 @@ def test_list_tells_titles_and_first_comments(
 
 
 HEAVY = [
-    "dask",
-    "jinja2",
-    "matplotlib",
-    "netCDF4",
-    "numpy",
-    "pandas",
-    "pint",
-    "pydantic",
-    "pyarrow",
-    "rich",
-    "scipy",
-    "scipy.stats",
-    "typer",
-    "xarray",
-]
+    "dask", "jinja2", "matplotlib", "netCDF4", "numpy", "pandas", "pint", "pydantic", "pyarrow", "rich",
+    "scipy", "scipy.stats", "typer", "xarray",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -44,13 +44,10 @@ bits = 22
 speed_method = "observer"
 observer_bandwidth = "70 Hz"
 latency = "200 us"
-[scenario.slow]
-duration = "3 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
-[controller.pi]
-law = "pi"
-tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+[scenario]
+slow = { duration = "3 s", reference = "60 rpm", initial_speed = "60 rpm" }
+[controller]
+pi = { law = "pi", tuning = { rule = "phase-margin", phase_margin = "60 deg" } }
 [controller.harmonic]
 law = "harmonic"
 tuning = { rule = "auto" }

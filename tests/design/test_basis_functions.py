@@ -37,12 +37,7 @@ def errors(folder: Path, name: str, changes: dict[str, Any]) -> tuple[np.ndarray
 
 @pytest.mark.parametrize(
     ("name", "changes"),
-    [
-        ("error", {}),
-        ("error", {"controller.error.acts_on": "input"}),
-        ("optimal", {}),
-        ("observer", {}),
-    ],
+    [("error", {}), ("error", {"controller.error.acts_on": "input"}), ("optimal", {}), ("observer", {})],
 )
 def test_the_trial_after_a_change_is_near_the_floor(
     tmp_path: Path, name: str, changes: dict[str, Any]

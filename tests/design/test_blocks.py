@@ -50,36 +50,25 @@ def words_of(study: Study, name: str, made: Design) -> str:
     ("verdict", "expected"),
     [
         (Verdict("settles", FADES), YES + END),
-        (
-            Verdict("settles", FADES, ratio=1.9),
-            f"{YES}, but leaves 1.9 times the speed ripple of its feedback alone{END}",
-        ),
-        (
-            Verdict("settles", FADES, doubts=(Remark("few counts"),)),
-            f"{YES}; not sure: few counts{END}",
-        ),
-        (
-            Verdict("grows", RISES, remedy=Remark("lead = 1 repairs it")),
-            "no, because it grows, 1.2x a period at 50 Hz; lead = 1 repairs it$",
-        ),
+        (Verdict("settles", FADES, ratio=1.9),
+            f"{YES}, but leaves 1.9 times the speed ripple of its feedback alone{END}"),
+        (Verdict("settles", FADES, doubts=(Remark("few counts"),)), f"{YES}; not sure: few counts{END}"),
+        (Verdict("grows", RISES, remedy=Remark("lead = 1 repairs it")),
+            "no, because it grows, 1.2x a period at 50 Hz; lead = 1 repairs it$"),
         (Verdict("may grow", RISES), "no, because it may grow, 1.2x a period at 50 Hz$"),
-        (
-            Verdict("unstable", unstable=SWINGS),
-            "no, because it is unstable with what learning adds at once, at 88 Hz$",
-        ),
+        (Verdict("unstable", unstable=SWINGS),
+            "no, because it is unstable with what learning adds at once, at 88 Hz$"),
         (
             Verdict("may be unstable", unstable=SWINGS),
             "no, because it may be unstable with what learning adds at once, at 88 Hz, where K_t is largest$",
         ),
-        (
-            Verdict("feedback unstable", unstable=SWINGS, remedy=Remark("kp = 1 steadies it")),
-            "no, because its feedback is unstable, at 88 Hz; kp = 1 steadies it$",
-        ),
+        (Verdict("feedback unstable", unstable=SWINGS, remedy=Remark("kp = 1 steadies it")),
+            "no, because its feedback is unstable, at 88 Hz; kp = 1 steadies it$"),
         (Verdict("rests", frozen=("too few samples",)), "it learns nothing; too few samples$"),
         (Verdict("not judged", doubts=(Remark("it snaps"),)), "not judged: it snaps$"),
         (None, "not judged: it is a law of the study's own$"),
     ],
-)
+)  # fmt: skip
 def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | None, expected: str) -> None:
     said = words_of(uomodri, "pi-ilc", replace(design(uomodri, "pi-ilc"), learning=verdict))
     assert re.match(expected, said), said
@@ -89,10 +78,7 @@ def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | No
     ("change", "expected"),
     [
         ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\)$"),
-        (
-            {"gamma": -0.1},
-            "no, because at 15 rpm some orders may not converge if the inertia is 50 % off",
-        ),
+        ({"gamma": -0.1}, "no, because at 15 rpm some orders may not converge if the inertia is 50 % off"),
         (
             {"most": 0.25},
             "no, because at 15 rpm the orders together settle only with learning rates up to 0.25 1/s$",

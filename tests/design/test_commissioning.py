@@ -19,14 +19,10 @@ from cogless.study import Study, load
 PI = {"kp": 0.15, "ki": 3.0}
 TEXT = f"""title = "A table"
 {studies.IDEAL}
-[scenario.low]
-duration = "2 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
-[controller.pi]
-law = "pi"
-kp = {PI["kp"]}
-ki = {PI["ki"]}
+[scenario]
+low = {{ duration = "2 s", reference = "60 rpm", initial_speed = "60 rpm" }}
+[controller]
+pi = {{ law = "pi", kp = {PI["kp"]}, ki = {PI["ki"]} }}
 [[metric]]
 name = "ripple"
 kind = "ripple-rms"

@@ -56,11 +56,7 @@ def test_a_margin_that_the_observers_lag_forbids_is_told() -> None:
 
 def test_at_the_same_margin_it_is_softer_than_a_pi() -> None:
     """The observer's lag costs bandwidth; it holds the speed all the same."""
-    changes = {
-        **adrc(),
-        "controller.pi.tuning.phase_margin": "45 deg",
-        "scenario.fast.duration": "5 s",
-    }
+    changes = {**adrc(), "controller.pi.tuning.phase_margin": "45 deg", "scenario.fast.duration": "5 s"}
     runs = {
         run.controller: run.metrics
         for run in run_study(load("uomodri", changes), ["fast/adrc", "fast/pi"]).runs

@@ -184,15 +184,10 @@ def test_phase_margin_must_be_given_for_its_own_rule() -> None:
 @pytest.mark.parametrize(
     ("pole_pairs", "order", "cells"),
     [
-        (1, 12, 256),
-        (1, 25, 256),
-        (1, 26, 512),
-        (12, 12, 1024),
-        (12, 103, 2048),
-        (12, 204, 2048),
+        (1, 12, 256), (1, 25, 256), (1, 26, 512), (12, 12, 1024), (12, 103, 2048), (12, 204, 2048),
         (12, 900, 8192),
     ],
-)
+)  # fmt: skip
 def test_a_map_has_ten_cells_or_more_in_a_wave(pole_pairs: int, order: int, cells: int) -> None:
     """A power of two from 256 to 8192, for what is known or for the sixth order of the poles."""
     changes = {

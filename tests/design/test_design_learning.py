@@ -250,9 +250,7 @@ class Switching(PeriodicLoop):
         return Worst(1.5, 55.6)
 
 
-def test_the_smallest_oscillation_that_switching_makes_grow_is_told(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_smallest_oscillation_that_switching_makes_grow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Amplitudes A 2^n are tried; A makes the ripple 1.25 times as large. The gain is 4 / (pi A 2^n)."""
     law = RobustIlc.model_construct(beta_1=1.0, beta_2=2.0)
     monkeypatch.setattr(periodic, "speed_text", lambda study, speed, digits: f"{speed:.{digits}g} rad/s")

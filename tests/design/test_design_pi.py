@@ -252,18 +252,10 @@ def loudness(signal: NDArray[np.float64]) -> tuple[float, float]:
         ({"position_sensor": ENCODER, "bus": {**BUS, "delay_command": 3e-4}}, 10, {"delay": 2.3e-3}),
     ],
     ids=[
-        "M",
-        "MT",
-        "resolver",
-        "latency",
-        "late resolver",
-        "filter",
-        "filter of a resolver",
-        "ideal, filter",
-        "bus",
-        "bus between samples",
+        "M", "MT", "resolver", "latency", "late resolver", "filter", "filter of a resolver", "ideal, filter",
+        "bus", "bus between samples",
     ],
-)
+)  # fmt: skip
 def test_the_simulated_drive_starts_to_oscillate_at_the_gain_margin(
     drive: dict[str, Any], window: int, more: dict[str, Any]
 ) -> None:

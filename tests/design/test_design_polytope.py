@@ -108,12 +108,7 @@ def test_duplicate_and_inner_vertices_are_dropped() -> None:
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    st.integers(1, 3),
-    st.integers(1, 12),
-    st.integers(0, 2**32 - 1),
-    st.booleans(),
-)
+@given(st.integers(1, 3), st.integers(1, 12), st.integers(0, 2**32 - 1), st.booleans())
 def test_minimal_in_a_random_affine_subspace(dimension: int, count: int, seed: int, repeat: bool) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(count, dimension)) @ rng.normal(size=(dimension, 6)) + rng.normal(size=6)
@@ -222,67 +217,34 @@ def of(**changes: object) -> Callable[[], UncertainPlant]:
 @pytest.mark.parametrize(
     ("make", "key", "message"),
     [
-        (
-            of(ranges={**MANDRA_RANGES, "inertia": (2e-3, 1e-3)}),
-            "range.inertia",
-            "range.inertia: [0.002, 0.001]: expected the smaller end first",
-        ),
-        (
-            of(ranges={**MANDRA_RANGES, "inertia": (1e-3, float("nan"))}),
-            "range.inertia",
-            "range.inertia: [0.001, nan]: expected finite numbers",
-        ),
-        (
-            of(ranges={**MANDRA_RANGES, "inertia": (0.0, 1e-3)}),
-            "range",
-            "range: expected finite numbers at inertia = 0, friction = 0.0013, torque_constant = 0.35",
-        ),
+        (of(ranges={**MANDRA_RANGES, "inertia": (2e-3, 1e-3)}), "range.inertia",
+            "range.inertia: [0.002, 0.001]: expected the smaller end first"),
+        (of(ranges={**MANDRA_RANGES, "inertia": (1e-3, float("nan"))}), "range.inertia",
+            "range.inertia: [0.001, nan]: expected finite numbers"),
+        (of(ranges={**MANDRA_RANGES, "inertia": (0.0, 1e-3)}), "range",
+            "range: expected finite numbers at inertia = 0, friction = 0.0013, torque_constant = 0.35"),
         (of(period=0.0), "period", "period: 0: expected a time above zero"),
         (of(C=[1, 0, 0]), "output", "output: expected 2 numbers, one per state, not 3"),
         (of(C=[0, 0]), "output", "output: expected finite numbers that aren't all zero"),
-        (
-            of(ranges={**MANDRA_RANGES, "torque_constant": (-0.35, 0.39)}),
-            "vertex",
+        (of(ranges={**MANDRA_RANGES, "torque_constant": (-0.35, 0.39)}), "vertex",
             "vertex: expected the input to act in one direction at all vertices; at inertia = 0.00059, "
-            "friction = 0.0013, torque_constant = -0.35 it acts in the other",
-        ),
-        (
-            of(nominal={"inertia": 7e-4}),
-            "nominal",
-            "nominal: expected exactly the parameters that have ranges: friction differs",
-        ),
+            "friction = 0.0013, torque_constant = -0.35 it acts in the other"),
+        (of(nominal={"inertia": 7e-4}), "nominal",
+            "nominal: expected exactly the parameters that have ranges: friction differs"),
         (lambda: from_vertices([], [1], 1.0), "vertex", "vertex: expected at least one"),
-        (
-            lambda: from_vertices([([["x"]], [1])], [1], 1.0),
-            "vertex 1",
-            "vertex 1: expected matrices of numbers",
-        ),
-        (
-            lambda: from_vertices([([[0.5]], [1]), ([[float("nan")]], [1])], [1], 1.0),
-            "vertex 2",
-            "vertex 2: expected finite numbers in A and B",
-        ),
-        (
-            lambda: from_vertices([([[0.5, 1]], [1])], [1], 1.0),
-            "vertex 1",
-            "vertex 1: A is 1 x 2, expected as many rows as columns",
-        ),
-        (
-            lambda: from_vertices([([[0.5]], [[1, 2]])], [1], 1.0),
-            "vertex 1",
-            "vertex 1: B is 1 x 2, expected 1 x 1",
-        ),
-        (
-            lambda: from_vertices([([[0, 1], [0, 0]], [[b], [1]]) for b in (0, 1)], [1, 0], 1.0),
-            "vertex",
+        (lambda: from_vertices([([["x"]], [1])], [1], 1.0), "vertex 1",
+            "vertex 1: expected matrices of numbers"),
+        (lambda: from_vertices([([[0.5]], [1]), ([[float("nan")]], [1])], [1], 1.0), "vertex 2",
+            "vertex 2: expected finite numbers in A and B"),
+        (lambda: from_vertices([([[0.5, 1]], [1])], [1], 1.0), "vertex 1",
+            "vertex 1: A is 1 x 2, expected as many rows as columns"),
+        (lambda: from_vertices([([[0.5]], [[1, 2]])], [1], 1.0), "vertex 1",
+            "vertex 1: B is 1 x 2, expected 1 x 1"),
+        (lambda: from_vertices([([[0, 1], [0, 0]], [[b], [1]]) for b in (0, 1)], [1, 0], 1.0), "vertex",
             "vertex: expected the same relative degree at all vertices; 1 at the nominal plant, 2 at "
-            "vertex 1",
-        ),
-        (
-            lambda: from_vertices([([[0.5, 0], [0, 0.5]], [[0], [1]])], [1, 0], 1.0),
-            "vertex",
-            "vertex: expected an output that depends on the input; at the nominal plant it does not",
-        ),
+            "vertex 1"),
+        (lambda: from_vertices([([[0.5, 0], [0, 0.5]], [[0], [1]])], [1, 0], 1.0), "vertex",
+            "vertex: expected an output that depends on the input; at the nominal plant it does not"),
     ],
 )  # fmt: skip
 def test_errors(make: Callable[[], UncertainPlant], key: str, message: str) -> None:

@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 import studies
 from cogless import load
-from cogless.design.closed_loop import (
-    Linear,
-    open_loop,
-    phase_margin_position,
-    position_margins,
-)
+from cogless.design.closed_loop import Linear, open_loop, phase_margin_position, position_margins
 from cogless.design.laws.space_bounds import position_gains
 from cogless.design.speed_loop import CurrentLoop as SampledLoop
 from cogless.design.speed_loop import SpeedLoop, speed_loop

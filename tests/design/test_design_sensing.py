@@ -96,13 +96,9 @@ def trial(reference: Real, sensor: Sensor, law: Any, start: tuple[float, float],
 
 
 SENSORS = [
-    Sensor(),
-    Sensor(latency=1e-3),
-    Sensor(latency=2.5e-3, window=2e-3),
-    Sensor(latency=0.6e-3, window=2.5e-3),
-    Sensor(latency=6.5e-3, window=0.25e-3),
-    Sensor(window=4e-3),
-]
+    Sensor(), Sensor(latency=1e-3), Sensor(latency=2.5e-3, window=2e-3),
+    Sensor(latency=0.6e-3, window=2.5e-3), Sensor(latency=6.5e-3, window=0.25e-3), Sensor(window=4e-3),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("law", [SOFT, OBSERVER], ids=["state", "observer"])

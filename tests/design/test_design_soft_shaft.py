@@ -21,12 +21,7 @@ from cogless.study import Study
 
 SHAFT = SoftShaft(inertia=2e-3, load_inertia=3e-3, stiffness=200.0, damping=0.05)
 CURRENT = CurrentLoop(kp=60.0, ki=6e4, R=3.6, L=0.03, period=1 / 8e3, delay=1)
-LOAD_SIDE = {
-    "inertia": "6e-4 kg*m^2",
-    "stiffness": "25 N*m/rad",
-    "damping": "5 mN*m*s/rad",
-    "ratio": 2,
-}
+LOAD_SIDE = {"inertia": "6e-4 kg*m^2", "stiffness": "25 N*m/rad", "damping": "5 mN*m*s/rad", "ratio": 2}
 AXIS = {"mechanics.load_side": LOAD_SIDE, "mechanics.inertia": "1e-4 kg*m^2"}
 
 

@@ -440,29 +440,19 @@ def in_the_way(name: str, controller: str, changes: dict[str, Any]) -> list[str]
     ("controller", "changes", "reasons"),
     [
         ("wrong-period", {}, ["its period, 4/5 of a revolution, isn't one of order 1"]),
-        (
-            "true-period",
-            {"law.h_limit": 0.1, "law.beta_limit": 1e-4},
-            ["beta_limit 0.0001 is below the bound 0.00942", "h_limit 0.1 is below the bound 0.345"],
-        ),
+        ("true-period", {"law.h_limit": 0.1, "law.beta_limit": 1e-4},
+            ["beta_limit 0.0001 is below the bound 0.00942", "h_limit 0.1 is below the bound 0.345"]),
         ("true-period", {"law.k_omega": 60.0, "law.q_half_width": 400}, [FORGETS]),
         ("true-period", {"law.k_omega": 60.0, "law.mu_alpha": 0.0}, ["it learns no alpha"]),
         ("true-period", {"law.mu_h": 0.0}, ["the speed varies without mu_h"]),
-        (
-            "true-period",
-            {"law.mu_h": 0.0, "law.mu_beta": 0.0},
-            ["the speed varies without mu_beta and mu_h"],
-        ),
+        ("true-period", {"law.mu_h": 0.0, "law.mu_beta": 0.0}, ["the speed varies without mu_beta and mu_h"]),
         ("true-period", {"law.mu_beta": 0.0, "mechanics.viscous_friction": 0.0}, []),
         ("true-period", {"law.mu_h": 0.0, **STEADY}, []),
         ("true-period", {"law.index": "rotor"}, ["it learns over the rotor's angle"]),
-        (
-            "true-period",
-            {"scenario.forty-periods.reference": FROM_REST},
-            ["the reference comes down to 0 rad/s, not above zero"],
-        ),
+        ("true-period", {"scenario.forty-periods.reference": FROM_REST},
+            ["the reference comes down to 0 rad/s, not above zero"]),
     ],
-)
+)  # fmt: skip
 def test_what_is_in_the_way_of_the_proof_of_law_6_is_said(
     controller: str, changes: dict[str, Any], reasons: list[str]
 ) -> None:
@@ -485,10 +475,7 @@ def test_all_that_is_in_the_way_is_said() -> None:
             {"scenario.varying.events": [{"time": "1 s", "load": "0.1 N*m"}]},
             "the load changes with time in scenario varying",
         ),
-        (
-            {"scenario.from-standstill.load": RISING},
-            "the load changes with time in scenario from-standstill",
-        ),
+        ({"scenario.from-standstill.load": RISING}, "the load changes with time in scenario from-standstill"),
     ],
 )
 def test_what_is_in_the_way_of_the_proof_of_law_4_is_said(changes: dict[str, Any], reason: str) -> None:

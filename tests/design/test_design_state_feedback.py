@@ -194,25 +194,15 @@ def test_integral_action_needs_a_gain_at_rest() -> None:
 @pytest.mark.parametrize(
     ("weight", "effort", "start", "key", "message"),
     [
-        (
-            np.diag([1.0, 0.0, 1.0]),
-            1.0,
-            np.ones(3),
-            "state_weight",
-            "state_weight: expected a symmetric matrix that is positive definite",
-        ),
-        (
-            np.array([[1.0, 1, 0], [0, 1, 0], [0, 0, 1]]),
-            1.0,
-            np.ones(3),
-            "state_weight",
-            "state_weight: expected a symmetric matrix that is positive definite",
-        ),
+        (np.diag([1.0, 0.0, 1.0]), 1.0, np.ones(3), "state_weight",
+            "state_weight: expected a symmetric matrix that is positive definite"),
+        (np.array([[1.0, 1, 0], [0, 1, 0], [0, 0, 1]]), 1.0, np.ones(3), "state_weight",
+            "state_weight: expected a symmetric matrix that is positive definite"),
         (np.eye(3), 0.0, np.ones(3), "input_weight", "input_weight: 0: expected a number above zero"),
         (np.eye(3), 1.0, np.full(3, np.nan), "initial_state", "initial_state: expected 3 finite numbers"),
         (np.eye(3), 1.0, np.zeros(3), "initial_state", "initial_state: expected a state that is not zero"),
     ],
-)
+)  # fmt: skip
 def test_errors(weight: Real, effort: float, start: Real, key: str, message: str) -> None:
     with pytest.raises(DesignError) as error:
         guaranteed_cost(mandra(), weight, effort, start, True)

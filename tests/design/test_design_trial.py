@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -93,7 +92,6 @@ def test_note_where_the_exact_plant_is_unstable() -> None:
 
 def test_four_structures_share_their_gains(plant: UncertainPlant, gains: TrialGains) -> None:
     settings = mandra_settings(cutoff=30.0)
-    start = time.process_time()
     full, simplified, proportional, without = (
         design_trial(plant, changed, gains)
         for changed in (
@@ -103,7 +101,6 @@ def test_four_structures_share_their_gains(plant: UncertainPlant, gains: TrialGa
             replace(settings, learning=False),
         )
     )
-    assert time.process_time() - start < 1.0  # a third of it on a quiet machine
     assert (full.through_integrator, simplified.through_integrator) == (True, False)
     assert (proportional.K_2, proportional.through_integrator) == (0.0, False)
     assert (without.K_3, without.q_filter, without.certificate.design.without_filter) == (0.0, None, None)
@@ -168,9 +165,7 @@ def test_older_law_telescopes(plant: UncertainPlant) -> None:
 
 def test_norm_optimal_learning(plant: UncertainPlant, gains: TrialGains) -> None:
     settings = mandra_settings(kind="norm-optimal", samples=300)
-    start = time.process_time()
     design = design_trial(plant, settings, gains)
-    assert time.process_time() - start < 1.0
     assert design.learning_matrix is not None and design.learning_matrix.shape == (300, 300)
     assert (design.K_3, design.q_filter) == (0.0, None)
     assert design.notes == ()
@@ -276,68 +271,36 @@ def _holds(errors: Real, norm: float, ends: float = 1e-9) -> None:
     ("changes", "key", "message"),
     [
         ({"samples": 2}, "samples", "samples: 2: expected a trial longer than the relative degree, 2"),
-        (
-            {"samples": 9, "cutoff": 30.0},
-            "samples",
-            "samples: 9: expected more than 9 for the filter's ends",
-        ),
+        ({"samples": 9, "cutoff": 30.0}, "samples", "samples: 9: expected more than 9 for the filter's ends"),
         ({"Q": np.eye(4)}, "state_weight", "state_weight: 4 x 4: expected 2 x 2 or 3 x 3"),
-        (
-            {"Q": np.eye(2), "gamma": START[:2], "f": START[:2]},
-            "state_weight",
-            "state_weight: expected 3 x 3, with a weight for the integrator",
-        ),
-        (
-            {"Q": np.diag([1.0, -1.0, 1.0])},
-            "state_weight",
-            "state_weight: expected a symmetric matrix that is positive definite",
-        ),
+        ({"Q": np.eye(2), "gamma": START[:2], "f": START[:2]}, "state_weight",
+            "state_weight: expected 3 x 3, with a weight for the integrator"),
+        ({"Q": np.diag([1.0, -1.0, 1.0])}, "state_weight",
+            "state_weight: expected a symmetric matrix that is positive definite"),
         ({"R": -1.0}, "input_weight", "input_weight: -1: expected a number above zero"),
-        (
-            {"gamma": [1.0]},
-            "initial_state",
-            "initial_state: expected 3 numbers, as many as the state weight has rows",
-        ),
-        (
-            {"f": [1.0, 0]},
-            "initial_change",
-            "initial_change: expected 3 numbers, as many as the state weight has rows",
-        ),
+        ({"gamma": [1.0]}, "initial_state",
+            "initial_state: expected 3 numbers, as many as the state weight has rows"),
+        ({"f": [1.0, 0]}, "initial_change",
+            "initial_change: expected 3 numbers, as many as the state weight has rows"),
         ({"g": -0.1}, "initial_error", "initial_error: -0.1: expected a number above zero"),
-        (
-            {"cutoff": 200.0},
-            "q_filter",
-            "q_filter: 200 Hz: expected a cutoff above zero and below 200 Hz, half the sampling rate",
-        ),
+        ({"cutoff": 200.0}, "q_filter",
+            "q_filter: 200 Hz: expected a cutoff above zero and below 200 Hz, half the sampling rate"),
         ({"cutoff": 30.0, "filter_order": 0}, "q_filter", "q_filter: order 0: expected at least 1"),
         ({"K_s": [1.0, 2.0]}, "K_s", "K_s: expected 3 finite numbers"),
         ({"K_3": float("nan")}, "K_3", "K_3: expected a finite number"),
-        (
-            {"K_s": [1.0, 0.0, 0.0], "N": 1.0, "feedforward": False},
-            "K_s",
+        ({"K_s": [1.0, 0.0, 0.0], "N": 1.0, "feedforward": False}, "K_s",
             "K_s: expected feedback that is stable at inertia = 0.00059, friction = 0.0013, "
-            "torque_constant = 0.39; its "
-            "largest pole is 1.062",
-        ),
+            "torque_constant = 0.39; its largest pole is 1.062"),
         ({"N": float("inf")}, "N", "N: expected a finite number"),
         ({"K_s": [1.0, float("nan"), 2.0]}, "K_s", "K_s: expected 3 finite numbers"),
         ({"shift": 1}, "shift", "shift: 1: expected 2, the relative degree, or more"),
         ({"shift": 32, "samples": 32}, "shift", "shift: 32: expected less than the 32 samples"),
-        (
-            {"samples": 12, "cutoff": 30.0, "filter_order": 3},
-            "samples",
-            "samples: 12: expected more than 12 for the filter's ends",
-        ),
-        (
-            {"kind": "norm-optimal", "change_weight": float("inf")},
-            "change_weight",
-            "change_weight: inf: expected a number above zero",
-        ),
-        (
-            {"kind": "norm-optimal", "change_weight": 0.0},
-            "change_weight",
-            "change_weight: 0: expected a number above zero",
-        ),
+        ({"samples": 12, "cutoff": 30.0, "filter_order": 3}, "samples",
+            "samples: 12: expected more than 12 for the filter's ends"),
+        ({"kind": "norm-optimal", "change_weight": float("inf")}, "change_weight",
+            "change_weight: inf: expected a number above zero"),
+        ({"kind": "norm-optimal", "change_weight": 0.0}, "change_weight",
+            "change_weight: 0: expected a number above zero"),
     ],
 )  # fmt: skip
 def test_errors(plant: UncertainPlant, changes: dict[str, object], key: str, message: str) -> None:
@@ -453,19 +416,13 @@ def test_growth_without_a_filter_is_the_trial_s_not_the_filter_s() -> None:
             {"kind": "state", "structure": "input", "integral": False, "feedforward": False,
              "K_s": (-50.0, -0.5), "K_3": 0.3},
         ),
-        (
-            {"law": "trial-ilc", "acts_on": "input", "K_3": 0.5},
-            {"structure": "input", "K_3": 0.5, "cutoff": None},
-        ),
-        (
-            {"law": "trial-ilc", "q_filter": {"cutoff": "30 Hz", "order": 3, "acts_on": "error"}},
-            {"structure": "input-and-integrator", "cutoff": 30.0, "filter_order": 3, "filtered": "error"},
-        ),
+        ({"law": "trial-ilc", "acts_on": "input", "K_3": 0.5},
+            {"structure": "input", "K_3": 0.5, "cutoff": None}),
+        ({"law": "trial-ilc", "q_filter": {"cutoff": "30 Hz", "order": 3, "acts_on": "error"}},
+            {"structure": "input-and-integrator", "cutoff": 30.0, "filter_order": 3, "filtered": "error"}),
         ({"law": "norm-optimal", "change_weight": 0.2}, {"kind": "norm-optimal", "change_weight": 0.2}),
-        (
-            {"law": "observer-ilc"},
-            {"kind": "observer", "structure": "input", "integral": False, "filtered": "signal"},
-        ),
+        ({"law": "observer-ilc"},
+            {"kind": "observer", "structure": "input", "integral": False, "filtered": "signal"}),
     ],
 )  # fmt: skip
 def test_a_law_s_keys_are_its_design_s_settings(
@@ -609,10 +566,8 @@ FILTERED = f"{FASTEST} with the filter on the learned signal"
         (None, "error", 0.951, None, None),
         (30.0, "signal", 0.95, None, f"{FILTERED}, 0.95"),
         (30.0, "signal", 0.951, None, None),
-        (
-            30.0, "signal", 0.8, (0.9, 4, 0.5),
-            f"{FILTERED}, 0.8, or 0.9 with the trial's ends; shift = 4 would make this factor 0.5",
-        ),
+        (30.0, "signal", 0.8, (0.9, 4, 0.5),
+            f"{FILTERED}, 0.8, or 0.9 with the trial's ends; shift = 4 would make this factor 0.5"),
     ],
 )  # fmt: skip
 def test_a_gain_by_frequency_says_how_fast_it_is(

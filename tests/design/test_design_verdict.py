@@ -183,16 +183,12 @@ STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
 @pytest.mark.parametrize(
     ("found", "says"),
     [
-        (
-            Verdict("rests", frozen=("too few samples", "no cell")),
-            "rests; frozen: too few samples; frozen: no cell",
-        ),
+        (Verdict("rests", frozen=("too few samples", "no cell")),
+            "rests; frozen: too few samples; frozen: no cell"),
         (Verdict("settles", RISING, ratio=1.25), "settles"),
-        (
-            Verdict("settles", RISING, 6.2832, "slow", varies=True, ratio=1.3),
+        (Verdict("settles", RISING, 6.2832, "slow", varies=True, ratio=1.3),
             "settles, but leaves 1.3 times the speed ripple of its feedback alone at 6.28 rad/s in "
-            "scenario slow",
-        ),
+            "scenario slow"),
         (Verdict("may grow", RISING, 6.2832), "may grow, 1.235x a period at 512 Hz"),
         (
             Verdict(
@@ -206,26 +202,18 @@ STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
             "grows, up to 1.235x a period at 512 Hz at 6.28 rad/s, in the mean 1.06x from 100 to 200 Hz; "
             'lead = "0.4 ms" repairs it',
         ),
-        (
-            Verdict("unstable", None, 6.2832, varies=True, unstable=GROWING, unit="rpm"),
-            "unstable with what learning adds at once, at 88 Hz at 60 rpm",
-        ),
-        (
-            Verdict("may be unstable", unstable=GROWING),
-            "may be unstable with what learning adds at once, at 88 Hz, where K_t is largest",
-        ),
-        (
-            Verdict("feedback unstable", unstable=GROWING, remedy=Remark("kp = 1 steadies it")),
-            "feedback unstable, at 88 Hz; kp = 1 steadies it",
-        ),
-        (
-            Verdict("settles", RISING, passing=STOPS, doubts=(Remark("few edges"), Remark("a gap"))),
+        (Verdict("unstable", None, 6.2832, varies=True, unstable=GROWING, unit="rpm"),
+            "unstable with what learning adds at once, at 88 Hz at 60 rpm"),
+        (Verdict("may be unstable", unstable=GROWING),
+            "may be unstable with what learning adds at once, at 88 Hz, where K_t is largest"),
+        (Verdict("feedback unstable", unstable=GROWING, remedy=Remark("kp = 1 steadies it")),
+            "feedback unstable, at 88 Hz; kp = 1 steadies it"),
+        (Verdict("settles", RISING, passing=STOPS, doubts=(Remark("few edges"), Remark("a gap"))),
             "settles; below 0.51 rad/s, which it passes within 0.35 s, it grows at 88 Hz; "
-            "not sure: few edges, a gap",
-        ),
+            "not sure: few edges, a gap"),
         (Verdict("not judged", doubts=(Remark("it snaps"),)), "not judged: it snaps"),
     ],
-)
+)  # fmt: skip
 def test_a_verdict_is_one_line(found: Verdict, says: str) -> None:
     assert found.words() == says
     assert found.fine == (says == "settles")

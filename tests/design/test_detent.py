@@ -23,20 +23,16 @@ from cogless.study import Study, changed, load
 CREEP = 1e-2  # rad/s, below which the friction of the own motor is not yet that of sliding
 FOLDER = Path(__file__).parents[2] / "examples"
 LAWS = """
-[controller.pi]
-law = "pi"
-tuning = { rule = "phase-margin", phase_margin = "60 deg" }
-[controller.harmonic]
-law = "harmonic"
-tuning = { rule = "auto" }
+[controller]
+pi = { law = "pi", tuning = { rule = "phase-margin", phase_margin = "60 deg" } }
+harmonic = { law = "harmonic", tuning = { rule = "auto" } }
 [controller.pi-ilc]
 law = "pi-ilc"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }
 gain = "1 mA*s/rad"
 cells = 4096
 """
-STEP = f"""title = "A step motor of 50 teeth"
-[motor]
+NEMA_17 = """[motor]
 kind = "step"
 teeth = 50
 R_s = "1.5 ohm"
@@ -46,11 +42,13 @@ L_f = ["0.2 mH"]
 [mechanics]
 inertia = "54 g*cm^2"
 [drive]
-rates = {{ current_loop = "20 kHz", speed_loop = "4 kHz" }}
-current_loop = {{ bandwidth = "800 Hz", current_limit = "2 A" }}
-inverter = {{ bus_voltage = "24 V" }}
-position_sensor = {{ kind = "absolute", bits = 17, speed_method = "observer", observer_bandwidth = "200 Hz" }}
-[scenario.turn]
+rates = { current_loop = "20 kHz", speed_loop = "4 kHz" }
+current_loop = { bandwidth = "800 Hz", current_limit = "2 A" }
+inverter = { bus_voltage = "24 V" }
+position_sensor = { kind = "absolute", bits = 17, speed_method = "observer", observer_bandwidth = "200 Hz" }
+"""
+STEP = f"""title = "A step motor of 50 teeth"
+{NEMA_17}[scenario.turn]
 duration = "6 s"
 reference = "30 rpm"
 {LAWS}"""

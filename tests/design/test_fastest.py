@@ -16,11 +16,7 @@ from cogless.study.laws.space import SpaceSpeed
 
 
 @pytest.mark.parametrize(
-    ("law", "top"),
-    [
-        (PiAfc.model_construct(orders=(4, 9)), math.pi * 1e3 / 4),
-        (SimpleNamespace(), None),
-    ],
+    ("law", "top"), [(PiAfc.model_construct(orders=(4, 9)), math.pi * 1e3 / 4), (SimpleNamespace(), None)]
 )
 def test_the_fastest_speed_that_is_learned(law: Any, top: float | None) -> None:
     rates = SimpleNamespace(outer_loop=1e3)

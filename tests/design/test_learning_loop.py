@@ -248,10 +248,7 @@ OBSERVER = {"speed_method": "observer", "observer_bandwidth": "100 Hz"}
         ({**ENCODER, "speed_method": "M"}, Sampled(TURN / 10_000, 1e-3, False)),
         ({**ENCODER, "speed_method": "MT"}, Sampled(TURN / 10_000, 1e-3, True)),
         ({"kind": "absolute", "bits": 12, "window": 3}, Sampled(TURN / 4096, 3 / 15e3, False)),
-        (
-            {**ENCODER, **OBSERVER},
-            Sampled(TURN / 10_000, counting_window(TURN * 100, 1 / 15e3), False),
-        ),
+        ({**ENCODER, **OBSERVER}, Sampled(TURN / 10_000, counting_window(TURN * 100, 1 / 15e3), False)),
         # a mean over four intervals is as late as one edge of two and a half
         ({"kind": "hall", "edges": 4}, Sampled(TURN / 24 * 2.5, 1e-3, True)),
     ],

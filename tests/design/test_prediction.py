@@ -41,9 +41,8 @@ trials = 24
 initial_state = [0.01, 0]
 reference = [["0.05 s", 0], ["0.35 s", 2]]
 changes = [{ trial = 13, load_steps = [[100, 0.8]] }]
-[controller.error]
-law = "trial-ilc"
-q_filter = { cutoff = "30 Hz" }
+[controller]
+error = { law = "trial-ilc", q_filter = { cutoff = "30 Hz" } }
 [controller.signal]
 law = "trial-ilc"
 acts_on = "input"
@@ -212,11 +211,7 @@ def test_a_phase_that_still_falls_after_the_trials_that_are_tried_has_no_floor_y
 
 
 # The window is short: the delay of a speed over a longer one is not in the models.
-FINE = {
-    "drive.position_sensor.bits": 22,
-    "drive.position_sensor.window": 2,
-    "scenario.move.trials": 60,
-}
+FINE = {"drive.position_sensor.bits": 22, "drive.position_sensor.window": 2, "scenario.move.trials": 60}
 PHASES = ((0, 20), (20, 40), (40, 60))
 
 

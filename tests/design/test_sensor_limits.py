@@ -57,21 +57,15 @@ def ratio(study: Study) -> float:
         ("nema17", "stepper", "absolute", {"bits": 18}, "yes, orders 50, 100 to 1200, in about ", True),
         ("hub", "generic", "incremental", {"cpr": 4096}, "not worth it: at 10 rpm", False),
         ("hub", "generic", "absolute", {"bits": 18}, "yes, orders 3, 6 to 384, in about ", True),
-        (
-            "hub",
-            "vesc",
-            "as5047",
-            {"speed": 40},
-            "not sure: at 40 rpm the position sensor's steps make ",
-            False,
-        ),
+        ("hub", "vesc", "as5047", {"speed": 40}, "not sure: at 40 rpm the position sensor's steps make ",
+            False),
         ("gimbal", "moteus", "as5600", {}, "not sure: at 20 rpm 0.23 counts come in a speed sample, ", False),
         ("gimbal", "generic", "absolute", {"bits": 18}, "yes, orders 2, 4 to 256, in about ", True),
         ("gimbal", "generic", "as5600", {"speed": 70}, "yes, orders 2, 4 to 256, in about ", True),
         ("drone", "moteus", "as5600", {}, "not sure: at ", False),
         ("drone", "generic", "as5048", {"speed": 200}, "yes, orders 2, 4 to 256, in about ", True),
     ],
-)
+)  # fmt: skip
 def test_a_plain_yes_never_comes_where_learning_leaves_as_much(
     motor: str, drive: str, encoder: str, numbers: dict[str, Any], begins: str, helps: bool, tmp_path: Path
 ) -> None:

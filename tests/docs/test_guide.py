@@ -56,24 +56,14 @@ OF_CONTROLLERS = {inner for law in MODELS if issubclass(law, Base) for inner in 
 # Numbers without a dimension, or with one that depends on what is designed.
 RATIOS = {
     *(
-        "forgetting",
-        "q",
-        "pole",
-        "outlier",
-        "depth",
-        "gain_error",
-        "weight",
-        "order",
-        "correlation",
-        "share",
-        "over",
-        "ratio",
+        "forgetting", "q", "pole", "outlier", "depth", "gain_error", "weight", "order", "correlation",
+        "share", "over", "ratio",
     ),
     *("K_s", "N", "K_3", "K_stab", "K_ilc", "change_weight", "learned_limit"),
     *("state_weight", "input_weight", "initial_state", "initial_change", "initial_error"),
     *("percent", "percent_peak_to_peak"),
     *("voltage_share", "damping_ratio", "rate_error"),
-}
+}  # fmt: skip
 # Read by their own validators, as quantities of what they are about.
 OF_ANOTHER = {"range", "band", "floor", "limit", "initial", "lower", "upper"}
 OF_ANOTHER |= {"uniform", "log", "normal", "corners", "keys"}

@@ -38,10 +38,7 @@ PLANT = {
     "target": "2 rpm",
 }
 AUTO = {"rule": "auto"}
-LAWS = {
-    "bar": {"law": "pi", "tuning": AUTO, "baseline": True},
-    "pi-ilc": {"law": "pi-ilc", "tuning": AUTO},
-}
+LAWS = {"bar": {"law": "pi", "tuning": AUTO, "baseline": True}, "pi-ilc": {"law": "pi-ilc", "tuning": AUTO}}
 
 
 def arena(folder: Path, **more: Any) -> Arena:

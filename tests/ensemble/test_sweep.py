@@ -185,11 +185,7 @@ object = "law.py:Law"
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        ("os.kill(os.getpid(), 9)", "died"),
-        ("os._exit(0)", "calls exit(0)"),
-    ],
+    ("call", "said"), [("os.kill(os.getpid(), 9)", "died"), ("os._exit(0)", "calls exit(0)")]
 )
 def test_a_law_that_ends_its_process_is_named(tmp_path: Path, call: str, said: str) -> None:
     """Where that can be prevented, its runs fail and the others are kept."""
@@ -260,16 +256,12 @@ HERE = versions()["cogless"]
     ("there", "said"),
     [
         ({}, "tcp://a:1: the cluster has no worker: expected one or more"),
-        (
-            {"tcp://b:1": HERE, "tcp://b:2": "0.0.1"},
-            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, the version of this command",
-        ),
-        (
-            {"tcp://b:1": ModuleNotFoundError()},
-            f"worker tcp://b:1: has no cogless: expected {HERE}, the version of this command",
-        ),
+        ({"tcp://b:1": HERE, "tcp://b:2": "0.0.1"},
+            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, the version of this command"),
+        ({"tcp://b:1": ModuleNotFoundError()},
+            f"worker tcp://b:1: has no cogless: expected {HERE}, the version of this command"),
     ],
-)
+)  # fmt: skip
 def test_every_worker_of_a_cluster_has_this_version(there: dict[str, Any], said: str) -> None:
     class Client:
         """A cluster's, whose workers answer so."""
@@ -705,8 +697,7 @@ def test_mistakes_of_the_command(
 
 
 @pytest.mark.parametrize(
-    ("missing", "command"),
-    [("pyarrow", "sweep"), ("SALib", "sweep"), ("SALib", "tune"), ("optuna", "tune")],
+    ("missing", "command"), [("pyarrow", "sweep"), ("SALib", "sweep"), ("SALib", "tune"), ("optuna", "tune")]
 )
 def test_a_missing_extra_is_one_line(
     tmp_path: Path,

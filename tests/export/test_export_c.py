@@ -83,9 +83,8 @@ CONTROLLERS += [
     if law not in NAMED_OTHERWISE | {controller for _, controller, _ in CONTROLLERS}
 ]
 MORE = """
-[controller.none]
-law = "python"
-object = "none.py:None"
+[controller]
+none = { law = "python", object = "none.py:None" }
 [controller.own]
 law = "library"
 library = "own.so"
@@ -192,15 +191,11 @@ def test_the_self_test_finds_another_constant_and_another_memory(export: Export,
 STUCK = "stuck_angle", "stuck_time"
 # constants of limits and faults, of which an eventless recording knows nothing
 GUARDS: list[tuple[str, str, dict[str, Any], tuple[str, ...]]] = [
-    (
-        "liu2018",
-        "pi-ilc",
-        CELLS,
-        ("omega_max", "current_max", "current_sum", "current_limit", "speed_window", *STUCK),
-    ),
+    ("liu2018", "pi-ilc", CELLS,
+        ("omega_max", "current_max", "current_sum", "current_limit", "speed_window", *STUCK)),
     ("verrelli2016-speed", "learning", {"drive.precision": "single"}, STUCK),
     ("mandra2019", "ilc", {}, STUCK),
-]
+]  # fmt: skip
 
 
 def differs(name: str) -> str:
@@ -613,22 +608,15 @@ def test_names(controller: str, name: str) -> None:
     ("arguments", "line"),
     [
         (["--controller", "p"], 'STUDY: controller: "p": expected one of pi, fair, none, own'),
-        (
-            ["--controller", "none"],
-            'STUDY: controller.none.law: "python": has no C form: expected a law of the control library',
-        ),
-        (
-            ["--controller", "own"],
-            'STUDY: controller.own.law: "library": is C of your own already: '
-            "expected a law of the control library",
-        ),
-        (
-            ["--controller", "none", "--scenario", "step"],
-            'STUDY: scenario: "step": expected one with controller none: low',
-        ),
+        (["--controller", "none"],
+            'STUDY: controller.none.law: "python": has no C form: expected a law of the control library'),
+        (["--controller", "own"], 'STUDY: controller.own.law: "library": is C of your own already: '
+            "expected a law of the control library"),
+        (["--controller", "none", "--scenario", "step"],
+            'STUDY: scenario: "step": expected one with controller none: low'),
         (["--controller", "pi", "--to", "d"], '--to: "d": expected c'),
     ],
-)
+)  # fmt: skip
 def test_mistakes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
 ) -> None:
@@ -651,51 +639,21 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("study", "controller", "changes", "says"),
     [
-        (
-            "liu2018",
-            "pi-ilc",
-            CELLS,
-            (
-                "theta_e = 4 theta_m",
-                "2500 lines, 10000 counts, by the code that was simulated: `cogless/speed_count.h` says",
-                "in the order a, b, c",
-                "gates off",
-                "psi_f / L_d = 2.27 A",
-                "the law every 15 calls, the current loop",
-                "for 10 ms after",
-            ),
-        ),
-        (
-            "mandra2019",
-            "ilc",
-            {},
-            (
-                "a resolver of 16384 counts, by the code that was simulated: `cogless/speed_count.h` says",
-                "the law every 20 calls. The study's current loop is ideal",
-                "the current references are zero",
-                ".motion",
-            ),
-        ),
-        (
-            "verrelli2016",
-            "filtered",
-            {"drive.precision": "single"},
-            (
-                "theta_e = 50 theta_m",
-                "from a towards b",
-                "measured as in the study, by an ideal sensor",
-                "measurements, the law, the current loop",
-                "CGL_MAP_STORED_LENGTH(3, 1024",
-            ),
-        ),
-        (
-            "uomodri",
-            "pi",
-            {},
-            ("20000 counts, by the code that was simulated: `cogless/speed_timed.h` says",),
-        ),
+        ("liu2018", "pi-ilc", CELLS, ("theta_e = 4 theta_m",
+            "2500 lines, 10000 counts, by the code that was simulated: `cogless/speed_count.h` says",
+            "in the order a, b, c", "gates off", "psi_f / L_d = 2.27 A",
+            "the law every 15 calls, the current loop", "for 10 ms after")),
+        ("mandra2019", "ilc", {},
+            ("a resolver of 16384 counts, by the code that was simulated: `cogless/speed_count.h` says",
+            "the law every 20 calls. The study's current loop is ideal", "the current references are zero",
+            ".motion")),
+        ("verrelli2016", "filtered", {"drive.precision": "single"}, ("theta_e = 50 theta_m",
+            "from a towards b", "measured as in the study, by an ideal sensor",
+            "measurements, the law, the current loop", "CGL_MAP_STORED_LENGTH(3, 1024")),
+        ("uomodri", "pi", {},
+            ("20000 counts, by the code that was simulated: `cogless/speed_timed.h` says",)),
     ],
-)
+)  # fmt: skip
 def test_the_readme_says_what_a_board_needs(
     export: Export, study: str, controller: str, changes: dict[str, Any], says: tuple[str, ...]
 ) -> None:

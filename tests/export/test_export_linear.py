@@ -41,16 +41,11 @@ duration = "10 ms"
 trials = 5
 reference = [["0.5 ms", 0], ["3 ms", 0.05], ["6 ms", 0.05], ["9 ms", 0]]
 changes = [{ trial = 3, override = { J = 3.5e-7 }, load_steps = [[50, 0.3]] }]
-[controller.feedback]
-law = "trial-ilc"
-learning = false
-[controller.ilc]
-law = "trial-ilc"
-q_filter = { cutoff = "400 Hz", acts_on = "signal" }
-[controller.observer]
-law = "observer-ilc"
-[controller.matrix]
-law = "norm-optimal"
+[controller]
+feedback = { law = "trial-ilc", learning = false }
+ilc = { law = "trial-ilc", q_filter = { cutoff = "400 Hz", acts_on = "signal" } }
+observer = { law = "observer-ilc" }
+matrix = { law = "norm-optimal" }
 [[metric]]
 name = "error"
 kind = "rms"
@@ -147,15 +142,8 @@ def test_the_command_exports_a_linear_plant_and_says_how_large_a_matrix_is(tmp_p
 
     def said(controller: str) -> str:
         words = [
-            "export",
-            str(path),
-            "--controller",
-            controller,
-            "--to",
-            "c",
-            "-o",
-            str(tmp_path / controller),
-        ]
+            "export", str(path), "--controller", controller, "--to", "c", "-o", str(tmp_path / controller),
+        ]  # fmt: skip
         found = CliRunner().invoke(app, words)
         assert found.exit_code == 0, found.exception
         return found.stdout

@@ -95,25 +95,16 @@ def test_the_self_test_has_a_turn_each_way_and_faults(tmp_path: Path) -> None:
     ("controller", "changes", "told"),
     [
         ("plain", {}, "none"),
-        (
-            "table",
-            {},
+        ("table", {},
             "for 0.8 A rms: at a current I (rms) the correction leaves about abs(I / 0.8 A - 1) of the "
-            "ripple",
-        ),
-        (
-            "table",
-            {"controller.table.current": "1 A"},
+            "ripple"),
+        ("table", {"controller.table.current": "1 A"},
             "for 0.8 A rms: at a current I (rms) the correction leaves about abs(I / 0.8 A - 1) of the "
-            "ripple; the correction is for 0.8 A rms: at 1 A it leaves about 25% of the ripple",
-        ),
-        (
-            "table",
-            {"controller.table.correction": {"forward": [{"order": 4, "magnitude": "0.02 rad"}]}},
-            "for one current only, which the study does not state",
-        ),
+            "ripple; the correction is for 0.8 A rms: at 1 A it leaves about 25% of the ripple"),
+        ("table", {"controller.table.correction": {"forward": [{"order": 4, "magnitude": "0.02 rad"}]}},
+            "for one current only, which the study does not state"),
     ],
-)
+)  # fmt: skip
 def test_the_readme_tells_the_correction_s_current(
     tmp_path: Path, controller: str, changes: dict[str, Any], told: str
 ) -> None:

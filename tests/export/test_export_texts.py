@@ -49,20 +49,14 @@ def changed(subject: Subject, law: str = "pi", foc: dict[str, Any] | None = None
     ("law", "wanted"),
     [
         ("pi", "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands."),
-        (
-            "space-speed",
-            "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands.",
-        ),
-        (
-            "trial",
-            "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks.",
-        ),
-        (
-            "space-position",
-            "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them.",
-        ),
+        ("space-speed",
+            "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands."),
+        ("trial",
+            "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks."),
+        ("space-position",
+            "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them."),
     ],
-)
+)  # fmt: skip
 def test_which_reference_a_law_reads(subject: Subject, law: str, wanted: str) -> None:
     assert board(changed(subject, law))["reference_comment"] == wanted
 

@@ -91,16 +91,9 @@ signal = "omega_m"
 OWN = "drive_variables.hpp"  # of each drive; no C includes it
 CURRENTS = ("i_d", "i_q", "i_a", "i_b", "i_c")
 PLANT = (
-    "theta_m",
-    "omega_m",
-    "omega_ref",
-    *CURRENTS,
-    "tau_e",
-    "tau_cogging",
-    "tau_load",
-    "theta_load",
+    "theta_m", "omega_m", "omega_ref", *CURRENTS, "tau_e", "tau_cogging", "tau_load", "theta_load",
     "tau_shaft",
-)
+)  # fmt: skip
 INSIDE = ("i_q_ref", "u_d", "u_q", "status")
 
 

@@ -30,19 +30,15 @@ current_loop = { bandwidth = "300 Hz", current_limit = "3 A" }
 inverter = { bus_voltage = "48 V" }
 position_sensor = { kind = "encoder", lines = 2500 }
 current_sensors = { noise = "2 mA", bits = 12, range = "10 A" }
-[scenario.low]
-duration = "2 s"
-reference = "120 rpm"
-initial_speed = "120 rpm"
+[scenario]
+low = { duration = "2 s", reference = "120 rpm", initial_speed = "120 rpm" }
 [scenario.step]
 duration = "1 s"
 reference = { speed = "180 rpm", ramp = "600 rpm/s" }
 initial_speed = "180 rpm"
 events = [ {time = "0.4 s", load = "10 mN*m"} ]
-[controller.pi]
-law = "pi"
-label = "<i>PI</i>"
-tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+[controller]
+pi = { law = "pi", label = "<i>PI</i>", tuning = { rule = "phase-margin", phase_margin = "60 deg" } }
 [controller.pi-ilc]
 law = "pi-ilc"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }

@@ -291,14 +291,10 @@ def test_between_the_places_the_curve_is_a_polynomial(at):
 @pytest.mark.parametrize(
     ("x", "start", "power"),
     [
-        (4.0, 1.0, 2.0),
-        (0.5, 1.0, -1.0),
-        (0.0, 0.0, 0.0),
-        (0.0, 1.0, math.nan),
-        (1.0, 0.0, math.nan),
+        (4.0, 1.0, 2.0), (0.5, 1.0, -1.0), (0.0, 0.0, 0.0), (0.0, 1.0, math.nan), (1.0, 0.0, math.nan),
         (-4.0, 1.0, math.nan),
     ],
-)
+)  # fmt: skip
 def test_a_power_is_how_often_a_number_doubles(x, start, power):
     assert room._power(x, start, 2.0) == pytest.approx(power, nan_ok=True)
     assert room._power(x, start, 1.0) == 0.0  # of a key that can't be changed

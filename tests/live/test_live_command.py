@@ -17,13 +17,10 @@ from cogless.live import compile, engine
 
 SMALL = f"""title = "Two laws"
 {studies.IDEAL}
-[scenario.step]
-duration = "0.1 s"
-reference = "60 rpm"
-[controller.pi]
-law = "pi"
-kp = "0.01 A/rpm"
-ki = "0.1 A/rpm/s"
+[scenario]
+step = {{ duration = "0.1 s", reference = "60 rpm" }}
+[controller]
+pi = {{ law = "pi", kp = "0.01 A/rpm", ki = "0.1 A/rpm/s" }}
 [controller.mine]
 law = "python"
 object = "law.py:Zero"

@@ -36,13 +36,9 @@ def described(values):
     if at["e"] != 2 or at["k"] > 9 or at["few"] not in (1, 2) or at["half"] > 5:
         raise StudyError("study.toml: controller.pi: expected less")
     numbers = (
-        at["a"] * at["b"] * at["half"] / 2,
-        at["c"] ** 2,
-        min(at["g"], 10.0),
-        at["h"] + (at["h"] > 8),
-        at["k"],
-        at["few"],
-    )
+        at["a"] * at["b"] * at["half"] / 2, at["c"] ** 2, min(at["g"], 10.0), at["h"] + (at["h"] > 8),
+        at["k"], at["few"],
+    )  # fmt: skip
     return {PLACE: Packed(struct.pack("<6d", *numbers), NUMBERS, (str(at["f"] == 2),))}
 
 

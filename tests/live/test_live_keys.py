@@ -204,12 +204,8 @@ def test_sliders_are_about_the_studys_values_and_fields_take_a_hundred_times_mor
     )  # fmt: skip
     assert gain.si(0.002) == pytest.approx(0.002 * 30 / np.pi)
     assert [shortest(x) for x in (2.0, 0.1, 1e15, -3.0, 1e-7)] == [
-        "2",
-        "0.1",
-        "1000000000000000.0",
-        "-3",
-        "1e-07",
-    ]
+        "2", "0.1", "1000000000000000.0", "-3", "1e-07",
+    ]  # fmt: skip
     pairs = found["controller.fair.tuning.phase_margin"].pairs(study)
     assert pairs == [("low", "fair"), ("step", "fair")]
 

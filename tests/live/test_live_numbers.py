@@ -18,12 +18,7 @@ from cogless.results.held_speed import (
     ONE_WAY,
     REST_ERROR_MOST,
 )
-from cogless.results.metrics import (
-    METRIC_FUNCTIONS,
-    evaluate,
-    result_name,
-    window_of,
-)
+from cogless.results.metrics import METRIC_FUNCTIONS, evaluate, result_name, window_of
 from cogless.results.trace import Trace
 from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
 
@@ -40,7 +35,6 @@ NAMES = {
 }
 ABOUT = {"pole_pairs": 4, "R_s": 0.7, "power_factor": 1.5, "speed_period": 1e-3, "events": [0.8, 1.5]}
 WINDOWS = ({"window": ["0.3 s", "1.2 s"]}, {"last": "0.5 s"}, {})
-AT_EVENTS = ("dip", "settling", "overshoot", "exceeds")
 COMPUTE = """
 const all = Float64Array.from(given.rows.flat().map((x) => (x === null ? NaN : x)));
 const { Trace, evaluate, kinds } = liveMetrics, { rows, names, metrics, about } = given;
@@ -58,14 +52,9 @@ def trace(reverses=False):
     omega = speed + 0.4 * np.sin(8 * theta) + 0.1 * np.cos(2.5 * theta) + 0.01 * rng.standard_normal(2000)
     current = 0.5 + 0.2 * np.sin(8 * theta + 1)
     columns = [
-        time,
-        theta,
-        omega,
-        speed * 0 + 12.0,
-        0.01 * current,
-        current,
+        time, theta, omega, speed * 0 + 12.0, 0.01 * current, current,
         current + 0.01 * rng.standard_normal(2000),
-    ]
+    ]  # fmt: skip
     return Trace(tuple(NAMES), tuple(NAMES.values()), np.column_stack(columns))
 
 

@@ -119,15 +119,8 @@ def test_maps_as_lines() -> None:
     two = replace(one, turns=2, parts=1, sequence=4, motion=0, ratio=1)
     rows = dict(stored_map.map_rows(one))
     assert list(rows) == [
-        "learned by",
-        "motor",
-        "motion",
-        "save",
-        "period",
-        "cells",
-        "rad of the units",
-        "current",
-    ]
+        "learned by", "motor", "motion", "save", "period", "cells", "rad of the units", "current",
+    ]  # fmt: skip
     assert (rows["motor"], rows["motion"], rows["save"]) == ("0x1F2E3D4C", "0x000000AB", "5")
     assert rows["period"] == "1/4 of a mechanical revolution, 90 deg" and rows["cells"] == "4"
     assert rows["rad of the units"] == "of 7 theta_m"
@@ -169,12 +162,8 @@ def test_maps_as_csv() -> None:
 
 def test_a_motors_identity_has_32_bits() -> None:
     assert [stored_map.identity(text) for text in ("0x1F", "0X1f", "31", "0", "0xFFFFFFFF")] == [
-        31,
-        31,
-        31,
-        0,
-        2**32 - 1,
-    ]
+        31, 31, 31, 0, 2**32 - 1,
+    ]  # fmt: skip
     for wrong in ("0x100000000", "-1", "1F", "x", ""):
         with pytest.raises(StudyError, match=f'--motor: "{wrong}": expected 32 bits'):
             stored_map.identity(wrong)

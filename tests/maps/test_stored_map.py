@@ -163,15 +163,10 @@ def test_codes_that_are_not_known_are_shown() -> None:
 @pytest.mark.parametrize(
     ("one", "other", "wanted"),
     [
-        (1, 2, 2),
-        (2, 1, 2),
-        (2**32 - 1, 0, 0),
-        (0, 2**32 - 1, 0),
-        (7, 7, 7),
-        (0, 2**31 - 1, 2**31 - 1),
+        (1, 2, 2), (2, 1, 2), (2**32 - 1, 0, 0), (0, 2**32 - 1, 0), (7, 7, 7), (0, 2**31 - 1, 2**31 - 1),
         (0, 2**31, 0),
     ],
-)
+)  # fmt: skip
 def test_the_newest_of_a_dump(one: int, other: int, wanted: int) -> None:
     slots = [bytes(replace(EXAMPLE, sequence=n)).ljust(512, b"\xff") for n in (one, other)]
     found = stored_map.find(b"".join(slots))
@@ -221,10 +216,7 @@ def test_map_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ([other], f'{other}: no map: expected "CGLM" where a slot begins'),
         ([tmp_path / "none"], f"{tmp_path / 'none'}: no such file or directory: expected a stored map"),
         ([good, "--motor", "1"], "--motor: expected --output too"),
-        (
-            [good, "--motor", "x", "-o", cut],
-            '--motor: "x": expected 32 bits, such as 0x1F2E3D4C',
-        ),
+        ([good, "--motor", "x", "-o", cut], '--motor: "x": expected 32 bits, such as 0x1F2E3D4C'),
         (
             [good, "-o", tmp_path / "no" / "where"],
             f"{tmp_path / 'no' / 'where'}: no such file or directory: expected a file that can be written",

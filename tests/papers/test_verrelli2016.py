@@ -92,8 +92,7 @@ def test_ten_minutes_stay_bounded_and_no_worse() -> None:
     """1,500 periods: what grew by a ten-thousandth in each would be larger than in the second minute. The
     hour is in docs/verrelli2016_tables.py."""
     study = load(
-        "verrelli2016",
-        {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "600 s"},
+        "verrelli2016", {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "600 s"}
     )
     (run,) = run_study(study, ["two-minutes/filtered"]).runs
     error = 50 * run.trace["omega_error"]

@@ -99,10 +99,8 @@ rates = {{ current_loop = "20 kHz", speed_loop = "1 kHz" }}
 current_loop = {{ bandwidth = "1 kHz", current_limit = "2 A" }}
 inverter = {{ bus_voltage = "12 V" }}
 current_sensors = {{ sensors = 2, offset = ["0.4 A", "0.4 A", "0 A"] }}
-[scenario.slow]
-duration = "2 s"
-reference = "300 rpm"
-initial_speed = "300 rpm"
+[scenario]
+slow = {{ duration = "2 s", reference = "300 rpm", initial_speed = "300 rpm" }}
 [controller.pi]
 law = "pi"
 {RULE}

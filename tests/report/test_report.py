@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import time
 from dataclasses import replace
 from html import escape
 from html.parser import HTMLParser
@@ -148,15 +147,10 @@ def test_ratio_says_nothing_where_there_is_none():
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (0.46123, "0.461"),
-        (48.37, "48.4"),
-        (1234.5, "1234"),
-        (0.001234, "0.00123"),
-        (1e-7, "1e-07"),
-        (0, "0"),
-        (-3.14159, "-3.14"),
+        (0.46123, "0.461"), (48.37, "48.4"), (1234.5, "1234"), (0.001234, "0.00123"), (1e-7, "1e-07"),
+        (0, "0"), (-3.14159, "-3.14"),
     ],
-)
+)  # fmt: skip
 def test_number(value, text):
     assert number(value) == text
 
@@ -347,26 +341,6 @@ def test_the_verdict_speaks_as_the_study_does(tmp_path, reference, unit, expecte
     }
 
 
-def ripple(value):
-    return {"speed_ripple_rad_s": value}
-
-
-def test_verdict_of_a_tie(made):
-    """Within 5 % nobody wins."""
-    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.104), pi_ilc=ripple(0.1)))[0]
-    assert low.tone == "even"  # one of the two doesn't learn
-    assert low.headline == (
-        "At 60 rpm, PI-ILC and PI re-tuned tie: they leave 0.955 rpm and 0.993 rpm of speed ripple, "
-        "about 10.0 times less than PI as published (9.55 rpm)."
-    )
-    assert "less than the best without learning" not in " ".join(low.details)
-    low = verdicts(with_metrics(made, pi=ripple(0.104), fair_pi=ripple(1.0), pi_ilc=ripple(0.1)))[0]
-    assert low.tone == "even"
-    assert low.headline.startswith("At 60 rpm, PI-ILC and PI as published tie: they leave")
-    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.106), pi_ilc=ripple(0.1)))[0]
-    assert low.tone == "better" and low.headline.startswith("At 60 rpm, PI-ILC leaves 0.955 rpm")
-
-
 def test_verdict_names_the_costs(made):
     pi = made.runs[0].metrics
     costly = with_metrics(
@@ -376,113 +350,6 @@ def test_verdict_names_the_costs(made):
     assert "PI-ILC costs +3 % copper loss (" in details
     assert "and 4.10 times the chattering (" in details
     assert "None of the" not in details
-
-
-@pytest.mark.parametrize(
-    ("ratio", "told"),
-    [
-        (1.009, ""),
-        (1.011, "+1 % copper loss"),
-        (1.99, "+99 % copper loss"),
-        (2.0, "2.00 times the copper loss"),
-    ],
-)
-def test_a_cost_is_more_than_a_hundredth(made, ratio, told):
-    loss = ratio * made.runs[0].metrics["copper_loss_W"]
-    details = " ".join(verdicts(with_metrics(made, pi_ilc={"copper_loss_W": loss}))[0].details)
-    assert (f"PI-ILC costs {told} (" in details) == bool(told)
-    assert ("copper loss" in details) == bool(told)
-
-
-def test_metrics_in_which_the_winner_is_behind_are_named_the_worst_first(made):
-    """Orders are no others: they are parts of the ripple that it is judged by."""
-    times = {"torque_ripple_N_m": 2.0, "copper_loss_W": 5.0, "chattering_A": 3.0, "speed_orders_rad_s": 9.0}
-    fair = made.runs[1].metrics
-    winner = {name: ratio * np.asarray(fair[name]) for name, ratio in times.items()}
-    winner["speed_orders_rad_s"] = winner["speed_orders_rad_s"].tolist()
-    details = verdicts(with_metrics(made, pi_ilc=winner))[0].details
-    (line,) = [line for line in details if line.startswith("Against PI re-tuned, PI-ILC has ")]
-    found = re.findall(r"([\d.]+) times the ([a-z ]+) \(", line)
-    assert found == [("5.00", "copper loss"), ("3.00", "chattering"), ("2.00", "torque ripple")]
-
-
-@pytest.mark.parametrize(("second", "told"), [(0.049, False), (0.051, True)])
-def test_an_order_that_is_nothing_beside_the_ripple_is_no_cost(made, second, told):
-    """30 times as much of an order is no cost if it is below 0.05 of the baseline's ripple."""
-    without = {"speed_ripple_rad_s": 1.0, "speed_orders_rad_s": [1.3, second / 30, 0.1]}
-    learned = {"speed_ripple_rad_s": 0.1, "speed_orders_rad_s": [0.1, second, 0.05]}
-    details = " ".join(verdicts(with_metrics(made, pi=without, pi_ilc=learned))[0].details)
-    assert ("30.0 times the speed order" in details) == told
-
-
-def test_verdict_names_where_the_next_is_clearly_better(made):
-    torque = {"torque_ripple_N_m": 0.02}
-    worse = with_metrics(
-        made, pi={"torque_ripple_N_m": 0.04}, pi_ilc={"torque_ripple_N_m": 0.05}, fair_pi=torque
-    )
-    details = " ".join(verdicts(worse)[0].details)
-    expected = "PI-ILC has 2.50 times the torque ripple (50.0 mN·m against 20.0 mN·m)."
-    assert f"Against PI re-tuned, {expected}" in details
-    slightly = with_metrics(made, pi_ilc={"torque_ripple_N_m": 0.025}, fair_pi=torque)
-    assert "Against PI re-tuned" not in " ".join(verdicts(slightly)[0].details)
-
-
-@pytest.mark.parametrize(
-    ("kept", "sentence"),
-    [
-        (["speed_ripple_rad_s"], ""),
-        (
-            ["speed_ripple_rad_s", "copper_loss_W"],
-            "The other number isn't worse with PI-ILC than with PI as published.",
-        ),
-        (
-            ["speed_ripple_rad_s", "copper_loss_W", "chattering_A"],
-            "None of the 2 other numbers is worse with PI-ILC than with PI as published.",
-        ),
-    ],
-)
-def test_verdict_counts_in_good_grammar(made, kept, sentence):
-    def only(run):
-        return replace(run, metrics={name: run.metrics[name] for name in kept if name in run.metrics})
-
-    details = verdicts(Results(made.study, [only(run) for run in made.runs[:3]]))[0].details
-    assert [d for d in details if "worse" in d] == ([sentence] if sentence else [])
-
-
-def test_verdict_is_honest_when_learning_loses(made):
-    worse = with_metrics(made, pi=ripple(0.5), pi_ilc=ripple(0.9), fair_pi=ripple(0.8))
-    low = verdicts(worse)[0]
-    assert low.tone == "worse"
-    assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.77 rpm of")
-    assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.60 times as much).")
-    expected = "The others against PI as published: PI-ILC 8.59 rpm (worse: 1.80 times as much)."
-    assert expected in low.details
-
-
-@pytest.mark.parametrize(
-    ("value", "text"), [(0.52, "9.93 rpm (as much)"), (0.25, "4.77 rpm (2.00 times less)")]
-)
-def test_verdict_tells_the_others_beside_the_baseline(made, value, text):
-    pi, fair, ilc = ripple(1.0), ripple(2 * value), ripple(0.1)
-    low = verdicts(with_metrics(made, pi=pi, fair_pi=fair, pi_ilc=ilc))[0]
-    assert f"The others against PI as published: PI re-tuned {text}." in low.details
-
-
-def test_verdict_with_zeros(made):
-    low = verdicts(with_metrics(made, pi_ilc=ripple(0.0)))[0]
-    assert low.tone == "better"
-    assert "PI-ILC leaves 0 rpm of" in low.headline and "against PI as" in low.headline
-    low = verdicts(with_metrics(made, pi=ripple(0.0)))[0]
-    assert low.tone == "worse" and low.headline.endswith("(worse).")
-    none = ripple(0.0)
-    low = verdicts(with_metrics(made, pi=none, pi_ilc=none, fair_pi=none))[0]
-    assert low.tone == "even"
-
-
-def test_verdict_when_nothing_changes(made):
-    same = ripple(0.5)
-    low = verdicts(with_metrics(made, pi=same, pi_ilc=same, fair_pi=same))[0]
-    assert low.tone == "even" and "all are alike" in low.headline
 
 
 def test_verdict_without_baseline_or_runs(made):
@@ -1172,10 +1039,8 @@ def test_page_of_a_standing_rotor(made):
     assert data_of(render(Results(made.study, [run])))["scenarios"][0]["spectra"] == []
 
 
-def test_page_is_quick_and_small(made, tmp_path):
-    begun = time.process_time()
+def test_page_is_small(made, tmp_path):
     write(made, tmp_path / "report.html")
-    assert time.process_time() - begun < 1.0  # about 0.1 s on a free machine
     assert (tmp_path / "report.html").stat().st_size < 3_000_000
 
 

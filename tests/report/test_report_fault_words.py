@@ -186,13 +186,9 @@ def test_a_fault_is_shown_a_little_before_and_a_turn_after_it(monkeypatch, fault
 @pytest.mark.parametrize(
     ("time", "text"),
     [
-        (0.0, "0 s"),
-        (0.02, "20 ms"),
-        (0.0995, "0.0995 s"),
-        (0.0994, "99.4 ms"),
-        (999, "999 s"),
+        (0.0, "0 s"), (0.02, "20 ms"), (0.0995, "0.0995 s"), (0.0994, "99.4 ms"), (999, "999 s"),
         (1000, "1000 s"),
     ],
-)
+)  # fmt: skip
 def test_a_time_in_words(time, text):
     assert room._seconds(time) == text

@@ -19,20 +19,11 @@ from cogless.study.reading import changed, changes_from
 TEXT = f"""title = "Two laws"
 {studies.IDEAL}
 position_sensor = {{ kind = "absolute", bits = 10, window = 4 }}
-[scenario.turn]
-duration = "2 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
-[controller.pi]
-law = "pi"
-baseline = true
-kp = "0.01 A/rpm"
-ki = "0.1 A/rpm/s"
-[controller.high]
-law = "pi"
-label = "PI, high"
-kp = "0.02 A/rpm"
-ki = "0.4 A/rpm/s"
+[scenario]
+turn = {{ duration = "2 s", reference = "60 rpm", initial_speed = "60 rpm" }}
+[controller]
+pi = {{ law = "pi", baseline = true, kp = "0.01 A/rpm", ki = "0.1 A/rpm/s" }}
+high = {{ law = "pi", label = "PI, high", kp = "0.02 A/rpm", ki = "0.4 A/rpm/s" }}
 [[metric]]
 name = "speed_ripple"
 kind = "ripple-rms"

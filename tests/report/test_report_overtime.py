@@ -221,14 +221,9 @@ def test_laws_that_learn_in_angle_have_their_currents_and_the_time_of_a_period(d
     monkeypatch.setattr(waveforms, "errors", lambda *_: [])
     for needed, signals, titles in (
         (None, {}, ["Learned part of the current reference", "q current", "d current"]),
-        (
-            1,
-            {"P_t": np.zeros(100)},
-            [
-                "Learned part of the current reference; dashed: the current that the motion needs",
-                "q current", "d current", "Time of the last period, P_t, by the delay memory",
-            ],
-        ),
+        (1, {"P_t": np.zeros(100)},
+            ["Learned part of the current reference; dashed: the current that the motion needs", "q current",
+            "d current", "Time of the last period, P_t, by the delay memory"]),
     ):  # fmt: skip
         monkeypatch.setattr(waveforms, "needed_current", lambda *_, needed=needed: needed)
         run = run_of(1, **signals)

@@ -33,10 +33,8 @@ STUDY = (
     f'title = "An encoder that is off centre"\n{studies.IDEAL}'
     + """
 position_sensor = { kind = "encoder", lines = 20000, speed_method = "MT", eccentricity = "0.5 deg" }
-[scenario.turn]
-duration = "4 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
+[scenario]
+turn = { duration = "4 s", reference = "60 rpm", initial_speed = "60 rpm" }
 [controller.pi]
 law = "space-position"
 tuning = { rule = "phase-margin", phase_margin = "60 deg" }

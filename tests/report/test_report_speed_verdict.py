@@ -56,63 +56,41 @@ def case(study, *lines, worsened=()):
 @pytest.mark.parametrize(
     ("given", "worsened", "tone", "said"),
     [
-        (
-            {"pi": 1, "fair": 2, "missed": ["pi", "fair"]}, (), "worse",
-            f"no controller holds the speed from 8 to 10 s: {PI} and {FAIR} mean 0 of 60 rpm.",
-        ),
+        ({"pi": 1, "fair": 2, "missed": ["pi", "fair"]}, (), "worse",
+            f"no controller holds the speed from 8 to 10 s: {PI} and {FAIR} mean 0 of 60 rpm."),
         ({"ilc": 1}, (), "even", f"speed ripple: {ILC} 1.00 rpm."),
         ({"pi": 1}, (), "even", f"speed ripple: {PI} 1.00 rpm."),
         ({"ilc": 1, "fair": 2}, (), "even", f"speed ripple: {FAIR} 2.00 rpm and {ILC} 1.00 rpm."),
         ({"pi": None, "ilc": 1}, (), "even", f"speed ripple: {PI} not finite and {ILC} 1.00 rpm."),
         ({"pi": None, "ilc": None}, (), "even", f"speed ripple: {PI} not finite and {ILC} not finite."),
-        (
-            {"pi": 1, "ilc": 0.5, "missed": ["ilc"]}, (), "worse",
-            f"only {PI} holds the speed: it leaves 1.00 rpm of speed ripple.",
-        ),
-        (
-            {"pi": 1, "ilc": 0.5, "unlearned": ["ilc"]}, (), "even",
-            f"nothing was learned: {ILC} 0.500 rpm and {PI} 1.00 rpm of speed ripple.",
-        ),
-        (
-            {"pi": 1, "ilc": 2}, ["ilc"], "worse",
-            f"no controller stays better than {PI}: it leaves 1.00 rpm of speed ripple.",
-        ),
-        (
-            {"pi": 1, "ilc": 2, "fair": 3, "unlearned": ["fair"]}, ["ilc"], "worse",
-            f"no controller stays better than {PI}: it leaves 1.00 rpm of speed ripple.",
-        ),
-        (
-            {"pi": 9, "ilc": 1, "fair": 2, "missed": ["pi"]}, (), "better",
+        ({"pi": 1, "ilc": 0.5, "missed": ["ilc"]}, (), "worse",
+            f"only {PI} holds the speed: it leaves 1.00 rpm of speed ripple."),
+        ({"pi": 1, "ilc": 0.5, "unlearned": ["ilc"]}, (), "even",
+            f"nothing was learned: {ILC} 0.500 rpm and {PI} 1.00 rpm of speed ripple."),
+        ({"pi": 1, "ilc": 2}, ["ilc"], "worse",
+            f"no controller stays better than {PI}: it leaves 1.00 rpm of speed ripple."),
+        ({"pi": 1, "ilc": 2, "fair": 3, "unlearned": ["fair"]}, ["ilc"], "worse",
+            f"no controller stays better than {PI}: it leaves 1.00 rpm of speed ripple."),
+        ({"pi": 9, "ilc": 1, "fair": 2, "missed": ["pi"]}, (), "better",
             f"{ILC} leaves 1.00 rpm of speed ripple; "
-            f"{PI} did not hold the speed (mean 0 of 60 rpm, 8 to 10 s).",
-        ),
-        (
-            {"pi": 1, "ilc": 1.05}, (), "even",
-            f"all are alike: {PI} 1.00 rpm and {ILC} 1.05 rpm of speed ripple.",
-        ),
-        (
-            {"pi": 1, "ilc": 1.05, "fair": 1, "missed": ["fair"]}, (), "even",
-            f"{PI} and {ILC} tie: they leave 1.00 rpm and 1.05 rpm of speed ripple.",
-        ),
-        (
-            {"pi": 1, "fair": 2, "ilc": 3}, (), "worse",
+            f"{PI} did not hold the speed (mean 0 of 60 rpm, 8 to 10 s)."),
+        ({"pi": 1, "ilc": 1.05}, (), "even",
+            f"all are alike: {PI} 1.00 rpm and {ILC} 1.05 rpm of speed ripple."),
+        ({"pi": 1, "ilc": 1.05, "fair": 1, "missed": ["fair"]}, (), "even",
+            f"{PI} and {ILC} tie: they leave 1.00 rpm and 1.05 rpm of speed ripple."),
+        ({"pi": 1, "fair": 2, "ilc": 3}, (), "worse",
             f"no controller beats {PI}: it leaves 1.00 rpm of speed ripple; "
-            f"the next, {FAIR}, 2.00 rpm (worse: 2.00 times as much).",
-        ),
-        (
-            {"pi": 2, "fair": 1.5, "ilc": 1}, (), "better",
-            f"{ILC} leaves 1.00 rpm of speed ripple, 2.00 times less than {PI} (2.00 rpm).",
-        ),
-        (
-            {"pi": 2, "fair": 1.04, "ilc": 1}, (), "even",
+            f"the next, {FAIR}, 2.00 rpm (worse: 2.00 times as much)."),
+        ({"pi": 2, "fair": 1.5, "ilc": 1}, (), "better",
+            f"{ILC} leaves 1.00 rpm of speed ripple, 2.00 times less than {PI} (2.00 rpm)."),
+        ({"pi": 2, "fair": 1.04, "ilc": 1}, (), "even",
             f"{ILC} and {FAIR} tie: they leave 1.00 rpm and 1.04 rpm of speed ripple, "
-            f"about 2.00 times less than {PI} (2.00 rpm).",
-        ),
+            f"about 2.00 times less than {PI} (2.00 rpm)."),
         ({"pi": 2, "ilc": 0}, (), "better", f"{ILC} leaves 0 rpm of speed ripple, against {PI} (2.00 rpm)."),
-        (
-            {"pi": 2, "ilc": 0, "fair": 0}, (), "even",
-            f"{FAIR} and {ILC} tie: they leave 0 rpm and 0 rpm of speed ripple, against {PI} (2.00 rpm).",
-        ),
+        ({"pi": 0, "ilc": 1}, (), "worse",
+            f"no controller beats {PI}: it leaves 0 rpm of speed ripple; the next, {ILC}, 1.00 rpm (worse)."),
+        ({"pi": 2, "ilc": 0, "fair": 0}, (), "even",
+            f"{FAIR} and {ILC} tie: they leave 0 rpm and 0 rpm of speed ripple, against {PI} (2.00 rpm)."),
     ],
 )  # fmt: skip
 def test_the_first_sentence(study, given, worsened, tone, said):
@@ -202,19 +180,13 @@ def test_what_a_speed_is_judged_by():
 @pytest.mark.parametrize(
     ("reference", "speed", "said"),
     [
-        (
-            lambda run: 6 * np.sin(run.trace.time),
-            lambda run: 6.01 * np.sin(run.trace.time),
+        (lambda run: 6 * np.sin(run.trace.time), lambda run: 6.01 * np.sin(run.trace.time),
             "In low-speed, no speed is judged: the reference varies, and the ripple is its own; "
-            'add a metric of kind = "rms" and signal = "omega_error".',
-        ),
-        (
-            lambda run: 0 * run.trace.time,
-            lambda run: 1e-3 * np.sin(run.trace.time),
-            "At 0 rpm, no speed is judged: the reference is at rest.",
-        ),
+            'add a metric of kind = "rms" and signal = "omega_error".'),
+        (lambda run: 0 * run.trace.time, lambda run: 1e-3 * np.sin(run.trace.time),
+            "At 0 rpm, no speed is judged: the reference is at rest."),
     ],
-)
+)  # fmt: skip
 def test_a_ripple_that_is_no_controller_s_is_neither_judged_nor_starred(tmp_path, reference, speed, said):
     blocks = synthetic.STUDY.split("[[metric]]")
     text = "[[metric]]".join(block for block in blocks if 'kind = "order"' not in block)
@@ -278,14 +250,10 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (
-            {"pi": 3, "fair": 2, "ilc": 1},
-            f"{ILC} has 2.00 times less than the best without learning, {FAIR} (2.00 rpm).",
-        ),
-        (
-            {"pi": 3, "fair": 1, "ilc": 2},
-            f"{FAIR} doesn't learn; the best that learns is {ILC} with 2.00 rpm.",
-        ),
+        ({"pi": 3, "fair": 2, "ilc": 1},
+            f"{ILC} has 2.00 times less than the best without learning, {FAIR} (2.00 rpm)."),
+        ({"pi": 3, "fair": 1, "ilc": 2},
+            f"{FAIR} doesn't learn; the best that learns is {ILC} with 2.00 rpm."),
         ({"pi": 3, "fair": 1, "ilc": 1.04}, ""),  # they tie
         ({"pi": 1, "fair": 2, "ilc": 3}, ""),
         ({"pi": 2, "fair": 3, "ilc": 1}, ""),  # the headline has the baseline

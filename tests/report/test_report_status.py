@@ -53,17 +53,10 @@ def test_a_state_that_lasts_has_a_lane_without_faults(made):
 
 def test_every_state_has_a_lane_of_its_name(made):
     assert list(lanes(with_status(made, sum(Status)))) == [
-        "safe output",
-        "angle missing",
-        "angle shifted",
-        "angle stuck",
-        "current not plausible",
-        "bus voltage not plausible",
-        "at its limit (current or voltage)",
-        "not learning",
-        "error far beyond the usual",
-        "learning held back by the guard",
-    ]
+        "safe output", "angle missing", "angle shifted", "angle stuck", "current not plausible",
+        "bus voltage not plausible", "at its limit (current or voltage)", "not learning",
+        "error far beyond the usual", "learning held back by the guard",
+    ]  # fmt: skip
 
 
 def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
@@ -91,10 +84,7 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     monkeypatch.setattr(comparison, "DESIGNS", {**DESIGNS, "speed": harms})
     for times, said in (
         (1.24, "its speed ripple is in part from this time"),
-        (
-            4.5,
-            f"learning does harm here, 4.50 times the speed ripple of {base}",
-        ),
+        (4.5, f"learning does harm here, 4.50 times the speed ripple of {base}"),
     ):
         line = replace(plain, values={**plain.values, name: times * plain.values[held.study.baseline]})
         line = replace(line, missed={name: "mean 0 of 60 rpm"})

@@ -403,8 +403,7 @@ def test_tables_of_a_sweep(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "text"),
-    [(0.0, "0 %"), (1.0, "100 %"), (1e-4, "0.1 %"), (0.99999, "99.9 %"), (0.123, "12.3 %")],
+    ("share", "text"), [(0.0, "0 %"), (1.0, "100 %"), (1e-4, "0.1 %"), (0.99999, "99.9 %"), (0.123, "12.3 %")]
 )
 def test_a_share_is_all_or_nothing_only_if_it_is(share: float, text: str) -> None:
     assert report._percent(share) == text

@@ -238,19 +238,13 @@ def test_the_best_is_compared_with_the_baseline_at_the_end_and_in_first_trials(o
         ({"none": [2, 2], "ilc": [2, 2]}, "even", "All controllers are alike: they are at the floor"),
         ({"none": [2, 2], "ilc": [3, 3]}, "worse", "No controller beats no learning: it is at the floor"),
         ({"none": [2, 2], "ilc": [2, 2], "input": [3, 3]}, "even", f"no learning and {ILC} are at the floor"),
-        (
-            {"none": [3, 3], "ilc": [2, 2]},
-            "better",
-            f"{ILC} is at the floor of 1.00 mrad RMS within 2 trials ",
-        ),
+        ({"none": [3, 3], "ilc": [2, 2]}, "better",
+            f"{ILC} is at the floor of 1.00 mrad RMS within 2 trials "),
         ({"none": [inf] * 2, "ilc": [2, inf]}, "even", f"{ILC} is at the floor of 1.00 mrad RMS in 1 of 2"),
-        (
-            {"ilc": [2, 2], "input": [3, 3]},
-            "better",
-            f"{ILC} is at the floor of 1.00 mrad RMS within 2 trials ",
-        ),
+        ({"ilc": [2, 2], "input": [3, 3]}, "better",
+            f"{ILC} is at the floor of 1.00 mrad RMS within 2 trials "),
     ],
-)
+)  # fmt: skip
 def test_the_first_sentence_where_there_is_a_floor(of, counts, tone, says):
     found = of(counts, phases=2)
     told, sentence = room._by_floor(found, room._ranked(found))

@@ -104,8 +104,7 @@ def test_the_only_one_that_does_not_diverge_has_nobody_behind(study):
 
 
 @pytest.mark.parametrize(
-    ("trials", "share"),
-    [(60, "every trial"), (30, "30 of 60 trials"), (29, None), (0, None)],
+    ("trials", "share"), [(60, "every trial"), (30, "30 of 60 trials"), (29, None), (0, None)]
 )
 def test_the_best_is_not_called_best_without_its_limit(study, trials, share):
     made = synthetic.trial_results(study, {"ilc": FALLS, "none": STAYS, "input": STAYS}, designed=False)

@@ -152,24 +152,106 @@ def test_a_first_trial_is_told_only_where_it_is_clearly_worse_and_learned(study)
     assert not any("first trial" in line and line.startswith(("No learning", "With no")) for line in details)
 
 
-def test_verdict_when_the_start_takes_longest(study):
-    rms = falls(3.0)
-    rms[:10] = 4.0
-    verdict = alone(study, {"ilc": rms, "input": STAYS})
-    assert (
-        "within 11 trials of the start and within 3 trials after every change; no learning never is"
-        in verdict.headline
-    )
-    assert verdict.details[0].startswith("ILC into the input never reaches the floor; its first trial after")
+FALLS, GROWS, LOST = falls(3.0), 0.4 * 1.1 ** np.arange(60.0), np.full(60, np.nan)
+EVERY = "within 3 trials after every change"
+LOAD, CHANGE = "after the load change (trial 21)", "after the change of reference and inertia (trial 41)"
+GROWN = "its RMS grows from 0.484 mrad to 2.02 mrad by trial 20."
+UNRANKED = "The ranking is without ILC into the input, whose error grows over the trials."
+
+
+def but(value, *trials):
+    """`FALLS`, but this RMS, mrad, in these slices of its trials."""
+    rms = FALLS.copy()
+    for some in trials:
+        rms[some] = value
+    return rms
+
+
+@pytest.mark.parametrize(
+    ("rms", "tone", "headline", "detail"),
+    [
+        pytest.param({"ilc": but(4, slice(10)), "input": STAYS}, "better",
+            f"{ILC} is at {FLOOR} within 11 trials of the start and {EVERY}; no learning never is.",
+            f"ILC into the input never reaches the floor; its first trial {LOAD} is 1.64 times worse than "
+            f"with {ILC} (5.00 mrad against 3.04 mrad).", id="the start takes longest"),
+        pytest.param({"ilc": but(4, slice(10), slice(40, 46)), "input": STAYS}, "better",
+            f"{ILC} is at {FLOOR} within 11 trials of the start and within 7 trials after every change; "
+            "no learning never is.", None, id="the slowest of the changes"),
+        pytest.param({"ilc": falls(6.0, floor=1.2), "input": STAYS, "none": STAYS}, "worse",
+            f"No controller reaches {FLOOR}. {ILC} ends each phase with at most 1.20 mrad RMS, "
+            "4.17 times less than no learning (5.00 mrad).", None, id="the floor is never reached"),
+        pytest.param({"ilc": but(2, slice(20, 40)), "input": STAYS}, "even",
+            f"{ILC} is at {FLOOR} in 2 of 3 phases, but never {LOAD}; no learning never is.", None,
+            id="the floor is reached in some phases"),
+        pytest.param({"ilc": FALLS, "input": GROWS}, "better",
+            f"{ILC} is at {FLOOR} {EVERY}; no learning never is. {UNRANKED}",
+            f"ILC into the input diverges from the start: {GROWN}", id="learning diverges"),
+        pytest.param(dict.fromkeys(("none", "ilc", "input"), GROWS), "worse",
+            "The error grows over the trials with every controller. No controller beats no learning: it is "
+            f"at {FLOOR} in 1 of 3 phases, but never {LOAD} and {CHANGE}; the next, {ILC}, never is after a "
+            "change.", f"No learning grows worse from the start: {GROWN}", id="every controller diverges"),
+        pytest.param({"ilc": FALLS, "input": but(np.nan, slice(30, 60))}, "better",
+            f"{ILC} is at {FLOOR} {EVERY}; no learning never is. {UNRANKED}",
+            f"ILC into the input diverges {LOAD}: its error doesn't stay finite.", id="an infinite error"),
+        pytest.param({"none": FALLS, "ilc": falls(3.0, 0.8), "input": STAYS}, "worse",
+            f"No controller beats no learning: it is at {FLOOR} {EVERY}; the next, {ILC}, takes up to 7 "
+            "trials.", None, id="the baseline is the best"),
+        pytest.param(dict.fromkeys(("none", "ilc", "input"), FALLS), "even",
+            f"All controllers are alike: they are at {FLOOR} {EVERY}.", None, id="all tie"),
+        pytest.param({"none": STAYS, "ilc": FALLS, "input": FALLS}, "better",
+            f"{ILC} and ILC into the input are at {FLOOR} {EVERY}; no learning never is.", None,
+            id="those that learn tie"),
+        pytest.param({"none": FALLS, "ilc": FALLS, "input": STAYS}, "even",
+            f"No learning and {ILC} are at {FLOOR} {EVERY}; the next, ILC into the input, never is.", None,
+            id="the baseline ties"),
+        pytest.param({"ilc": but(1.3, slice(44, 60))}, "better",
+            f"{ILC} is at {FLOOR} {EVERY}; no learning never is.",
+            f"{ILC} does not stay at the floor: 1.30 mrad RMS in the second half of the trials {CHANGE}.",
+            id="the floor is not kept"),
+    ],
+)  # fmt: skip
+def test_verdict(study, rms, tone, headline, detail):
+    verdict = alone(study, rms)
+    assert (verdict.tone, verdict.headline) == (tone, headline)
+    assert detail is None or detail in verdict.details
+
+
+@pytest.mark.parametrize(
+    ("rms", "tone", "headline"),
+    [
+        pytest.param(FALLS, "even", f"{ILC} is at {FLOOR} {EVERY}.", id="at the floor"),
+        pytest.param(STAYS, "worse", f"{ILC} never reaches {FLOOR}. {ILC} ends each phase with at most 5.00 "
+            "mrad RMS.", id="never there"),
+    ],
+)  # fmt: skip
+def test_verdict_of_one_controller(study, rms, tone, headline):
+    verdict = alone(study, {"ilc": rms}, controllers=["ilc"])
+    assert (verdict.tone, verdict.headline) == (tone, headline)
+    assert verdict.details == ["There is nothing to compare."]
+
+
+@pytest.mark.parametrize(
+    ("rms", "tone", "headline"),
+    [
+        pytest.param((STAYS, falls(6.0), falls(6.0, 0.8)), "better", f"{ILC} ends each phase with at most "
+            "0.500 mrad RMS, 10.0 times less than no learning (5.00 mrad).", id="learning helps"),
+        pytest.param((STAYS, 2 * STAYS, 3 * STAYS), "worse", "No controller beats no learning. No learning "
+            f"ends each phase with at most 5.00 mrad RMS; the next, {ILC}, with 10.0 mrad.", id="it harms"),
+        pytest.param((LOST, LOST, LOST), "worse",
+            "The error grows over the trials with every controller. No error stays finite.", id="no number"),
+    ],
+)  # fmt: skip
+def test_verdict_without_a_floor_is_by_what_is_left(tmp_path, rms, tone, headline):
+    verdict = alone(without_floor(tmp_path), dict(zip(("none", "ilc", "input"), rms, strict=True)))
+    assert (verdict.tone, verdict.headline) == (tone, headline)
 
 
 def test_phases_in_which_the_floor_is_never_reached_are_named(study):
     """The first of them is where a worse first trial is told; of the baseline it is enough that it fails."""
     start, middle = STAYS.copy(), falls(3.0)
     start[:20], middle[20:40] = falls(3.0)[:20], 5.0
-    load, change = "after the load change (trial 21)", "after the change of reference and inertia (trial 41)"
     worse = f"its first trial there is 1.64 times worse than with {ILC} (5.00 mrad against 3.04 mrad)."
-    for rms, where in ((start, f"{load} and {change}"), (middle, load)):
+    for rms, where in ((start, f"{LOAD} and {CHANGE}"), (middle, LOAD)):
         told = alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
         assert told == f"ILC into the input never reaches the floor {where}; {worse}"
     quick = alone(study, {"ilc": np.full(60, 0.5), "input": STAYS, "none": start}).headline
@@ -177,62 +259,6 @@ def test_phases_in_which_the_floor_is_never_reached_are_named(study):
         f"{ILC} is at {FLOOR} in the first trial after every change; no learning never is after a change."
     )
     assert quick == expected
-
-
-def test_verdict_names_the_slowest_of_the_changes(study):
-    rms = falls(3.0)
-    rms[:10] = rms[40:46] = 4.0
-    verdict = alone(study, {"ilc": rms, "input": STAYS})
-    assert "within 11 trials of the start and within 7 trials after every change" in verdict.headline
-
-
-def test_verdict_when_the_floor_is_never_reached(study):
-    verdict = alone(study, {"ilc": falls(6.0, floor=1.2), "input": STAYS, "none": STAYS})
-    assert verdict.tone == "worse"
-    assert verdict.headline == (
-        f"No controller reaches {FLOOR}. {ILC} ends each phase with at most 1.20 mrad RMS, "
-        "4.17 times less than no learning (5.00 mrad)."
-    )
-
-
-def test_verdict_when_the_floor_is_reached_in_some_phases(study):
-    rms = falls(3.0)
-    rms[20:40] = 2.0
-    verdict = alone(study, {"ilc": rms, "input": STAYS})
-    assert verdict.tone == "even"
-    assert (
-        "is at the floor of 1.00 mrad RMS in 2 of 3 phases, but never after the load change (trial 21)"
-        in verdict.headline
-    )
-
-
-def test_verdict_when_learning_diverges(study):
-    grows = 0.4 * 1.1 ** np.arange(60.0)
-    verdict = alone(study, {"ilc": falls(3.0), "input": grows})
-    assert verdict.headline.startswith(f"{ILC} is at the floor")
-    grown = "its RMS grows from 0.484 mrad to 2.02 mrad by trial 20."
-    assert f"ILC into the input diverges from the start: {grown}" in verdict.details
-    verdict = alone(study, {"none": grows, "ilc": grows, "input": grows})
-    assert verdict.tone == "worse"
-    assert verdict.headline.startswith("The error grows over the trials with every controller.")
-    assert any(d.startswith("No learning grows worse") for d in verdict.details)
-
-
-def test_verdict_when_an_error_is_not_finite(study):
-    broken = falls(3.0)
-    broken[30:] = np.nan
-    verdict = alone(study, {"ilc": falls(3.0), "input": broken})
-    expected = "ILC into the input diverges after the load change (trial 21): its error doesn't stay finite."
-    assert expected in verdict.details
-
-
-def test_verdict_when_no_error_stays_finite(tmp_path):
-    lost = np.full(60, np.nan)
-    verdict = alone(without_floor(tmp_path), {"none": lost, "ilc": lost, "input": lost})
-    assert verdict.tone == "worse"
-    assert verdict.headline == (
-        "The error grows over the trials with every controller. No error stays finite."
-    )
 
 
 def test_noise_and_growth_below_the_floor_are_no_divergence(study):
@@ -250,66 +276,6 @@ def test_growth_is_half_as_much_again_in_eight_trials_or_more(made):
     found = replace(found, metric=replace(found.metric, floor=None))
     assert found._grown(np.array([1.0, 1.0] + [1e-8] * 4 + [1e-7] * 2)) == (1e-8, 1e-7)
     assert found._grown(np.array([1.0, 1.0] + [1e-11] * 4 + [1e-10] * 2)) is None
-
-
-def test_verdict_when_the_baseline_is_the_best(study):
-    verdict = alone(study, {"none": falls(3.0), "ilc": falls(3.0, 0.8), "input": STAYS})
-    assert verdict.tone == "worse"
-    assert verdict.headline == (
-        f"No controller beats no learning: it is at {FLOOR} within 3 trials after every change; "
-        f"the next, {ILC}, takes up to 7 trials."
-    )
-
-
-def test_verdict_of_ties(study):
-    same = falls(3.0)
-    verdict = alone(study, {"none": same, "ilc": same, "input": same})
-    assert (verdict.tone, verdict.headline) == (
-        "even",
-        f"All controllers are alike: they are at {FLOOR} within 3 trials after every change.",
-    )
-    verdict = alone(study, {"none": STAYS, "ilc": same, "input": same})
-    assert verdict.tone == "better"
-    assert verdict.headline.startswith(f"{ILC} and ILC into the input are at the floor")
-    verdict = alone(study, {"none": same, "ilc": same, "input": STAYS})
-    assert verdict.tone == "even"
-    assert verdict.headline.endswith("after every change; the next, ILC into the input, never is.")
-
-
-def test_verdict_of_one_controller(study):
-    verdict = alone(study, {"ilc": falls(3.0)}, controllers=["ilc"])
-    assert verdict.tone == "even"
-    assert verdict.headline == f"{ILC} is at {FLOOR} within 3 trials after every change."
-    assert verdict.details == ["There is nothing to compare."]
-    never = alone(study, {"ilc": STAYS}, controllers=["ilc"])
-    assert never.headline == (
-        f"{ILC} never reaches {FLOOR}. {ILC} ends each phase with at most 5.00 mrad RMS."
-    )
-
-
-def test_verdict_when_the_floor_is_not_kept(study):
-    rms = falls(3.0)
-    rms[44:] = 1.3
-    details = " ".join(alone(study, {"ilc": rms}).details)
-    assert (
-        f"{ILC} does not stay at the floor: 1.30 mrad RMS in the second half of the trials after the change"
-        in details
-    )
-
-
-def test_verdict_without_a_floor_is_by_what_is_left(tmp_path):
-    study = without_floor(tmp_path)
-    verdict = alone(study, {"ilc": falls(6.0), "input": falls(6.0, 0.8), "none": STAYS})
-    assert verdict.tone == "better"
-    assert verdict.headline == (
-        f"{ILC} ends each phase with at most 0.500 mrad RMS, 10.0 times less than no learning (5.00 mrad)."
-    )
-    worse = alone(study, {"ilc": 2 * STAYS, "input": 3 * STAYS, "none": STAYS})
-    assert worse.tone == "worse"
-    assert worse.headline == (
-        "No controller beats no learning. No learning ends each phase with at most 5.00 mrad RMS; the next, "
-        f"{ILC}, with 10.0 mrad."
-    )
 
 
 def test_a_name_that_is_no_word_keeps_its_letters(tmp_path):
@@ -607,16 +573,9 @@ def test_certificate_table_cell_by_cell(made):
     first, second = re.findall(r"<tr>(.*?)</tr>", page.split("<tbody>")[1])
     assert '<th rowspan="2">' in first and "<th" not in second
     assert texts(first) == [
-        "Euler",
-        "0.985 stable",
-        "1.27 unstable",
-        "0.500",
-        "0.976 contracting at 62.5 Hz",
-        "1 monotone at 200 Hz",
-        "1.20 may grow",
-        "1.17",
-        "1.2 none with Q filter",
-    ]
+        "Euler", "0.985 stable", "1.27 unstable", "0.500", "0.976 contracting at 62.5 Hz",
+        "1 monotone at 200 Hz", "1.20 may grow", "1.17", "1.2 none with Q filter",
+    ]  # fmt: skip
     assert texts(second) == [
         "exactly sampled, decides", "1.02 unstable", "0.900 stable", *["–"] * 5, "–",  # noqa: RUF001
     ]  # fmt: skip
@@ -653,18 +612,11 @@ def test_a_certificate_in_lines(made):
     assert warned == [line]
     assert rows == [
         (
-            "Euler",
-            "0.9852",
-            "1.273 unstable",
-            "0.976367 at 62.5 Hz, contracting",
-            "-",
-            "0.99",
-            "-",
-            "-",
+            "Euler", "0.9852", "1.273 unstable", "0.976367 at 62.5 Hz, contracting", "-", "0.99", "-", "-",
             "1.2000",
         ),
         ("exact, decides", "0.9852", "1.273", "1.00032 at 198.8 Hz, may grow", "-", "0.99", "-", "-", "none"),
-    ]
+    ]  # fmt: skip
     monotone = replace(good, without_filter=learning(1.0, 0.0, True))
     line, warned, _ = told(good, monotone)
     assert line.endswith("exact model: 1 at 0 Hz, monotone") and warned == []

@@ -235,10 +235,7 @@ def test_event_at_the_start():
 
 
 def test_smoothing_takes_the_ripple_out_of_a_dip():
-    t = trace(
-        omega_m=lambda t: first_order(2.0, 0.2)(t) + 0.5 * np.sin(2 * np.pi * 25.0 * t),
-        omega_ref=10.0,
-    )
+    t = trace(omega_m=lambda t: first_order(2.0, 0.2)(t) + 0.5 * np.sin(2 * np.pi * 25.0 * t), omega_ref=10.0)
     with_ripple = value("dip", t, signal="omega_m", event=1.0)
     without = value("dip", t, signal="omega_m", event=1.0, smooth=0.04)
     assert with_ripple > 2.2

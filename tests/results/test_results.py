@@ -36,12 +36,8 @@ def test_shape(made, tmp_path):
     ]
     metrics = held["runs"][0]["metrics"]
     assert metrics.keys() == {
-        "speed_orders_rad_s",
-        "speed_ripple_rad_s",
-        "torque_ripple_N_m",
-        "copper_loss_W",
-        "chattering_A",
-    }
+        "speed_orders_rad_s", "speed_ripple_rad_s", "torque_ripple_N_m", "copper_loss_W", "chattering_A",
+    }  # fmt: skip
     assert metrics["speed_orders_rad_s"] == pytest.approx(
         [0.9 * 0.10472, 0.4 * 0.10472, 4.8 * 0.10472], rel=1e-3
     )

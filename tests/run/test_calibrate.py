@@ -87,16 +87,12 @@ def test_a_parameter_of_one_scenario_moves_only_its_runs(
     [
         ({"key": "motor.cogging.7.torque"}, "key: missing: expected a key of the study that holds a number"),
         ({"key": "title"}, 'key: "A small drive": expected a key of the study that holds a number'),
-        (
-            {"key": "mechanics.inertia", "lower": "1 s"},
-            'lower: "1 s": expected a number with a unit like "kg*m^2"',
-        ),
-        (
-            {"key": "mechanics.inertia", "lower": 1},
-            'initial: "2.5e-4 kg*m^2": expected a value between lower and upper',
-        ),
+        ({"key": "mechanics.inertia", "lower": "1 s"},
+            'lower: "1 s": expected a number with a unit like "kg*m^2"'),
+        ({"key": "mechanics.inertia", "lower": 1},
+            'initial: "2.5e-4 kg*m^2": expected a value between lower and upper'),
     ],
-)
+)  # fmt: skip
 def test_a_parameter_that_cannot_be_fitted(tmp_path: Path, parameter: dict[str, Any], line: str) -> None:
     with pytest.raises(StudyError) as error:
         calibrate(problem(tmp_path, [parameter], [target("speed_ripple", "5 rpm")]))

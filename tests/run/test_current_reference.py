@@ -54,14 +54,10 @@ def test_above_base_speed_a_pi_holds_and_harmonic_learns_the_cogging(tmp_path: P
 @pytest.mark.parametrize(
     ("belief", "share"),
     [
-        ({"psi_f": "0.36 Wb"}, 1.0),
-        ({"L_d": "0.48 mH"}, 1.0),
-        ({"L_q": "1.8 mH"}, 1.0),
-        ({"R_s": "16 mohm"}, 1.0),
-        ({"psi_f": "0.24 Wb"}, 0.7),
-        ({"L_d": "0.72 mH"}, 0.9),
+        ({"psi_f": "0.36 Wb"}, 1.0), ({"L_d": "0.48 mH"}, 1.0), ({"L_q": "1.8 mH"}, 1.0),
+        ({"R_s": "16 mohm"}, 1.0), ({"psi_f": "0.24 Wb"}, 0.7), ({"L_d": "0.72 mH"}, 0.9),
     ],
-)
+)  # fmt: skip
 def test_learning_holds_on_the_safe_side_of_a_wrong_belief(
     tmp_path: Path, belief: dict[str, str], share: float
 ) -> None:

@@ -146,9 +146,8 @@ def test_no_compensation_and_no_table_unless_they_are_asked_for(tmp_path: Path) 
 
 IDEAL = f"""title = "Ideal"
 {studies.IDEAL}
-[scenario.low]
-duration = "0.4 s"
-reference = "60 rpm"
+[scenario]
+low = {{ duration = "0.4 s", reference = "60 rpm" }}
 [controller.pi]
 law = "pi"
 kp = "0.015 A/rpm"

@@ -25,18 +25,12 @@ psi_f = "20 mWb"
 inertia = "2e-4 kg*m^2"
 [trace]
 rate = "10 kHz"
-[drive.rates]
-current_loop = "10 kHz"
-speed_loop = "1 kHz"
-[drive.current_loop]
-bandwidth = "800 Hz"
-current_limit = "20 A"
-[drive.inverter]
-bus_voltage = "48 V"
-[scenario.fast]
-duration = "3 s"
-reference = "600 rpm"
-initial_speed = "600 rpm"
+[drive]
+rates = { current_loop = "10 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "800 Hz", current_limit = "20 A" }
+inverter = { bus_voltage = "48 V" }
+[scenario]
+fast = { duration = "3 s", reference = "600 rpm", initial_speed = "600 rpm" }
 [controller.pi]
 law = "pi"
 kp = "0.08 A*s/rad"

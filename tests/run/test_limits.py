@@ -33,27 +33,15 @@ inertia = "5e-5 kg*m^2"
 load = "20 mN*m"
 [trace]
 rate = "1 kHz"
-[drive.rates]
-current_loop = "10 kHz"
-speed_loop = "1 kHz"
-[drive.current_loop]
-bandwidth = "500 Hz"
-current_limit = "2 A"
-[drive.inverter]
-bus_voltage = "24 V"
-[scenario.turning]
-duration = "8 s"
-reference = "120 rpm"
-initial_speed = "120 rpm"
-[controller.pi]
-law = "pi"
-baseline = true
-kp = "0.04 A*s/rad"
-ki = "1 A/rad"
-[controller.harmonic]
-law = "harmonic"
-kp = "0.04 A*s/rad"
-ki = "1 A/rad"
+[drive]
+rates = { current_loop = "10 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "500 Hz", current_limit = "2 A" }
+inverter = { bus_voltage = "24 V" }
+[scenario]
+turning = { duration = "8 s", reference = "120 rpm", initial_speed = "120 rpm" }
+[controller]
+pi = { law = "pi", baseline = true, kp = "0.04 A*s/rad", ki = "1 A/rad" }
+harmonic = { law = "harmonic", kp = "0.04 A*s/rad", ki = "1 A/rad" }
 [[metric]]
 name = "ripple"
 kind = "ripple-rms"
@@ -269,10 +257,8 @@ def test_causes_of_which_each_covers_the_other_are_found_in_pairs(tmp_path):
     masked = f"""title = "Masked"
 {studies.IDEAL}
 position_sensor = {{ kind = "absolute", bits = 10, window = 4 }}
-[scenario.turning]
-duration = "2 s"
-reference = "60 rpm"
-initial_speed = "60 rpm"
+[scenario]
+turning = {{ duration = "2 s", reference = "60 rpm", initial_speed = "60 rpm" }}
 [controller.pi]
 law = "pi"
 kp = "0.01 A/rpm"

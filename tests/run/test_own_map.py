@@ -202,14 +202,10 @@ LAWS: dict[str, dict[str, Any]] = {
     "pi-afc": {"law": "pi-afc", **FEEDBACK, "gain": 10.0, "orders": [6, 24]},
 }
 MORE = """
-[scenario.turns]
-duration = "1 s"
-reference = "120 rpm"
-initial_speed = "120 rpm"
-[controller.law]
-law = "pi"
-kp = 1
-ki = 1
+[scenario]
+turns = { duration = "1 s", reference = "120 rpm", initial_speed = "120 rpm" }
+[controller]
+law = { law = "pi", kp = 1, ki = 1 }
 [[metric]]
 name = "first"
 kind = "ripple-rms"
@@ -414,42 +410,23 @@ BOTH = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
     [
         (LAWS["orders"], (WAVE, (1,)), "16 entries, orders up to 7: expected the law's 24"),
         (LAWS["c"], (9 * SIXTH, (1,)), "an entry of 9: expected at most the law's limit, 3"),
-        (
-            LAWS["cells"],
-            (WAVE, (4,)),
-            "a map of acceleration: expected one of this law's kind, or of a current alone",
-        ),
+        (LAWS["cells"], (WAVE, (4,)),
+            "a map of acceleration: expected one of this law's kind, or of a current alone"),
         (LAWS["cells"], (WAVE, (1,), 0), "a trial's signal: expected a map over the angle"),
-        (
-            LAWS["electrical"],
-            (WAVE, (1,)),
-            "a map over a revolution: expected one that fits into the law's 1/4 of a revolution",
-        ),
-        (
-            {"object": "law.py:Plain"},
-            (WAVE, (1,)),
-            "expected a class with the methods learned_map() and load_map(learned)",
-        ),
+        (LAWS["electrical"], (WAVE, (1,)),
+            "a map over a revolution: expected one that fits into the law's 1/4 of a revolution"),
+        ({"object": "law.py:Plain"}, (WAVE, (1,)),
+            "expected a class with the methods learned_map() and load_map(learned)"),
         ({"object": "law.py:Out"}, (WAVE, (1,)), "the class has no method load_map(learned)"),
         ({"library": "out.so", "params": []}, (WAVE, (1,)), f"expected {BOTH}"),
-        (
-            {"library": "out.so", "params": [0, 0, 8, 0]},
-            (WAVE, (1,)),
-            "the library does not export cogless_plugin_load_map",
-        ),
-        (
-            library(0, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1),
-            (WAVE, (1,)),
-            "the library's cogless_plugin_load_map refuses this map",
-        ),
-        (
-            told("[0.0] * 8", refused=True),
-            (WAVE, (1,)),
-            f"law.py line {REFUSES}: ValueError: not mine",
-        ),
+        ({"library": "out.so", "params": [0, 0, 8, 0]}, (WAVE, (1,)),
+            "the library does not export cogless_plugin_load_map"),
+        (library(0, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1), (WAVE, (1,)),
+            "the library's cogless_plugin_load_map refuses this map"),
+        (told("[0.0] * 8", refused=True), (WAVE, (1,)), f"law.py line {REFUSES}: ValueError: not mine"),
         (told("None"), (WAVE, (1,)), "expected a class with the methods learned_map() and load_map(learned)"),
     ],
-)
+)  # fmt: skip
 def test_a_start_that_cannot_be_is_told_before_the_run(
     folder: Path, law: dict[str, Any], given: Any, expected: str
 ) -> None:

@@ -124,46 +124,25 @@ def test_what_is_learned_stands_beside_all_trials_without_learning(
 @pytest.mark.parametrize(
     ("text", "changes", "line"),
     [
-        (
-            DRIVE,
-            {f"{MOVE}.each_trial.normal.initial_state": [0.1, 0.1]},
-            "initial_state: {value}: expected none, of a drive",
-        ),
-        (
-            LINEAR,
-            {f"{CYCLE}.each_trial.normal.initial_angle": "0.1 rad"},
-            "initial_angle: {value}: expected none, of a linear plant",
-        ),
-        (
-            LINEAR,
-            {f"{CYCLE}.each_trial.normal.initial_state": [0.1]},
-            "initial_state: {value}: expected 2 numbers, one a state",
-        ),
-        (
-            LINEAR,
-            {f"{CYCLE}.each_trial.uniform.load": "1 N*m"},
-            "load: {value}: expected a number in the unit of u",
-        ),
-        (
-            DRIVE,
-            {f"{MOVE}.each_trial.uniform.load": 1.0},
-            'load: {value}: expected a torque with a unit, such as "0.1 N*m"',
-        ),
-        (
-            DRIVE,
-            {f"{MOVE}.each_trial.uniform.load": "-1 N*m"},
-            'load: {value}: expected a torque of zero or more, such as "1 N*m"',
-        ),
-        (
-            DRIVE,
-            {f"{MOVE}.each_trial.normal.initial_angle": "0.7 rad"},
+        (DRIVE, {f"{MOVE}.each_trial.normal.initial_state": [0.1, 0.1]},
+            "initial_state: {value}: expected none, of a drive"),
+        (LINEAR, {f"{CYCLE}.each_trial.normal.initial_angle": "0.1 rad"},
+            "initial_angle: {value}: expected none, of a linear plant"),
+        (LINEAR, {f"{CYCLE}.each_trial.normal.initial_state": [0.1]},
+            "initial_state: {value}: expected 2 numbers, one a state"),
+        (LINEAR, {f"{CYCLE}.each_trial.uniform.load": "1 N*m"},
+            "load: {value}: expected a number in the unit of u"),
+        (DRIVE, {f"{MOVE}.each_trial.uniform.load": 1.0},
+            'load: {value}: expected a torque with a unit, such as "0.1 N*m"'),
+        (DRIVE, {f"{MOVE}.each_trial.uniform.load": "-1 N*m"},
+            'load: {value}: expected a torque of zero or more, such as "1 N*m"'),
+        (DRIVE, {f"{MOVE}.each_trial.normal.initial_angle": "0.7 rad"},
             "initial_angle: {value}: expected starts less than half a turn from where the reference begins, "
-            "0 rad: the sensor doesn't tell turns",
-        ),
+            "0 rad: the sensor doesn't tell turns"),
         (LINEAR, {"plant.noise": [0.1]}, "plant.noise: {value}: expected 2 numbers, one a state"),
         (LINEAR, {"plant.load_noise": -1.0}, "plant.load_noise: {value}: expected a number of 0 or more"),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_is_one_line(tmp_path: Path, text: str, changes: dict[str, Any], line: str) -> None:
     ((key, value),) = changes.items()
     with pytest.raises(StudyError) as error:

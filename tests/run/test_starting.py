@@ -36,10 +36,8 @@ q_half_width = 0
 period = { of = "mechanical" }\n""",
 }
 MORE = """
-[scenario.turns]
-duration = "{duration} s"
-reference = "120 rpm"
-initial_speed = "120 rpm"
+[scenario]
+turns = {{ duration = "{duration} s", reference = "120 rpm", initial_speed = "120 rpm" }}
 [[metric]]
 name = "first"
 kind = "ripple-rms"

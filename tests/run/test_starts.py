@@ -30,17 +30,12 @@ coulomb_friction = "0.6 N*m"
 breakaway_friction = "0.9 N*m"
 [trace]
 rate = "1 kHz"
-[drive.rates]
-current_loop = "10 kHz"
-speed_loop = "1 kHz"
-[drive.current_loop]
-bandwidth = "500 Hz"
-current_limit = "5 A"
-[drive.inverter]
-bus_voltage = "48 V"
-[scenario.start]
-duration = "4 s"
-reference = "50 rad/s"
+[drive]
+rates = { current_loop = "10 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "500 Hz", current_limit = "5 A" }
+inverter = { bus_voltage = "48 V" }
+[scenario]
+start = { duration = "4 s", reference = "50 rad/s" }
 [controller.pi]
 law = "pi"
 kp = "0.05 A*s/rad"

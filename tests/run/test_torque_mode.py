@@ -35,11 +35,8 @@ def study(tmp_path: Path, law: str, mode: str = 'time = "12 s", current = "0.005
     file = tmp_path / "study.toml"
     file.write_text(f"""title = "A knob"
 {studies.IDEAL}
-[scenario.run]
-duration = "16 s"
-reference = "6 rad/s"
-initial_speed = "6 rad/s"
-torque_mode = {{ {mode} }}
+[scenario]
+run = {{ duration = "16 s", reference = "6 rad/s", initial_speed = "6 rad/s", torque_mode = {{ {mode} }} }}
 [controller.law]
 law = "{law}"
 {keys or LAWS[law]}

@@ -184,15 +184,11 @@ C = [1, 0]
 state_weight = [1e4, 1, 10]
 input_weight = 1
 initial_state = [0.01, 0, 0]
-[scenario.move]
-duration = "1 s"
-trials = 3
-reference = [["0.1 s", 0], ["0.8 s", 1]]
-[controller.feedback]
-law = "trial-ilc"
-learning = false
-[controller.observed]
-law = "observer-ilc"
+[scenario]
+move = { duration = "1 s", trials = 3, reference = [["0.1 s", 0], ["0.8 s", 1]] }
+[controller]
+feedback = { law = "trial-ilc", learning = false }
+observed = { law = "observer-ilc" }
 [[metric]]
 name = "error"
 kind = "final-rms"
@@ -231,7 +227,7 @@ def test_the_commands_name_an_unsuitable_controller(tmp_path: Path) -> None:
     assert told["observed"] == {"not_designed": UNSUITABLE} and "certificate" in told["feedback"]
     assert page_runs(load(Path(path))) == [("move", "feedback")]
     assert left_out(load(Path(path))) == [f"observed: not designed: {UNSUITABLE}."]
-    text = DISCRETE.replace('[controller.feedback]\nlaw = "trial-ilc"\nlearning = false\n', "")
+    text = DISCRETE.replace('feedback = { law = "trial-ilc", learning = false }\n', "")
     alone = str(trial_studies.write(tmp_path, text))
     for command in (("design", alone), ("run", alone, "-o", folder)):
         refused = invoke(*command)

@@ -24,24 +24,12 @@ from cogless.study import load
 STUDY = (
     f'title = "Too short to learn"\n{studies.IDEAL}'
     + """
-[scenario.short]
-duration = "3 s"
-reference = "10 rpm"
-initial_speed = "10 rpm"
-[scenario.long]
-duration = "14 s"
-reference = "10 rpm"
-controllers = ["pi", "ilc"]
-[controller.pi]
-law = "pi"
-kp = "0.015 A/rpm"
-ki = "0.1 A/rpm/s"
-[controller.ilc]
-law = "pi-ilc"
-kp = "0.015 A/rpm"
-ki = "0.1 A/rpm/s"
-gain = "0.015 A/rpm"
-q_half_width = 5
+[scenario]
+short = { duration = "3 s", reference = "10 rpm", initial_speed = "10 rpm" }
+long = { duration = "14 s", reference = "10 rpm", controllers = ["pi", "ilc"] }
+[controller]
+pi = { law = "pi", kp = "0.015 A/rpm", ki = "0.1 A/rpm/s" }
+ilc = { law = "pi-ilc", kp = "0.015 A/rpm", ki = "0.1 A/rpm/s", gain = "0.015 A/rpm", q_half_width = 5 }
 [controller.over-time]
 law = "pi-ilc"
 kp = "0.015 A/rpm"

@@ -17,21 +17,8 @@ FILES = {name: path for name, path in shipped("studies").items() if not is_arena
 SPEED = [name for name in FILES if isinstance(load(name), Study)]
 # Values that are right, wrong by themselves, or wrong beside others; a key may not have them at all.
 VALUES = [
-    0,
-    1,
-    3,
-    0.5,
-    -1,
-    True,
-    1e9,
-    "1 s",
-    "0.1 s",
-    "20 ms",
-    "1 kHz",
-    "7 kHz",
-    "1e-9 kg*m^2",
-    "2e-4 kg*m^2",
-]
+    0, 1, 3, 0.5, -1, True, 1e9, "1 s", "0.1 s", "20 ms", "1 kHz", "7 kHz", "1e-9 kg*m^2", "2e-4 kg*m^2",
+]  # fmt: skip
 VALUES += ["3 A", "1 uH", "60 rpm", "5000 rpm", "ideal", "pi", "1 N*m", "0.02 N*m/A", "10 ms", "us", [], {}]
 # Changes that only a check of several tables refuses, and such as touch the tables of one scenario.
 TOGETHER: list[dict[str, Any]] = [

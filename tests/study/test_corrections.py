@@ -19,10 +19,7 @@ MY_MOTOR = Path(__file__).parents[2] / "examples" / "my_motor.toml"
 
 def refused(study: str | Path, changes: dict[str, Any] | None = None) -> str:
     """The message on a study, without the file's name in front."""
-    with pytest.raises(StudyError) as error:
-        load(study, changes)
-    (line,) = str(error.value).splitlines()
-    return line.removeprefix(f"{study}: ")
+    return studies.refusal(load, study, changes).removeprefix(f"{Path(study).name}: ")
 
 
 def written(message: str) -> dict[str, Any]:
@@ -56,36 +53,24 @@ def test_a_file_beside_it_may_be_meant_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"motor.datasheet": "uomodir"},
+        ({"motor.datasheet": "uomodir"},
             'motor.datasheet: "uomodir": no such datasheet: expected a file, or one of the shipped: gm5208, '
-            'hoverboard, krishnamurthy2003, liu2018, mandra2019, uomodri, perhaps "uomodri"',
-        ),
-        (
-            {"controller.harmonik.base": 6},
-            'controller.harmonik.base: 6: expected a controller of pi, harmonic, perhaps "harmonic"',
-        ),
+            'hoverboard, krishnamurthy2003, liu2018, mandra2019, uomodri, perhaps "uomodri"'),
+        ({"controller.harmonik.base": 6},
+            'controller.harmonik.base: 6: expected a controller of pi, harmonic, perhaps "harmonic"'),
         ({"scenario.slwo.duration": "3 s"}, None),
-        (
-            {"scenario.slwo.load": "3 N*m"},
-            'scenario.slwo.load: "3 N*m": expected a scenario of slow, perhaps "slow"',
-        ),
-        (
-            {"scenario.slow.controllers": ["harmonik"]},
-            'scenario.slow.controllers.0: "harmonik": expected one of "pi", "harmonic", perhaps "harmonic"',
-        ),
-        (
-            {"metric.0.scenarios": ["slwo"]},
-            'metric.0.scenarios: ["slwo"]: expected one of "slow", perhaps "slow"',
-        ),
-        (
-            {"controller.pi.law": "harmonik"},
+        ({"scenario.slwo.load": "3 N*m"},
+            'scenario.slwo.load: "3 N*m": expected a scenario of slow, perhaps "slow"'),
+        ({"scenario.slow.controllers": ["harmonik"]},
+            'scenario.slow.controllers.0: "harmonik": expected one of "pi", "harmonic", perhaps "harmonic"'),
+        ({"metric.0.scenarios": ["slwo"]},
+            'metric.0.scenarios: ["slwo"]: expected one of "slow", perhaps "slow"'),
+        ({"controller.pi.law": "harmonik"},
             'controller.pi.law: "harmonik": expected one of "pi", "adrc", "pi-ilc", "robust-ilc", '
             '"anti-cogging", "space-position", "space-speed", "pi-afc", "harmonic", "microstepping", '
-            '"python", "library", perhaps "harmonic"',
-        ),
+            '"python", "library", perhaps "harmonic"'),
     ],
-)
+)  # fmt: skip
 def test_a_name_within_a_study_is_told_that_was_probably_meant(
     changes: dict[str, Any], message: str | None
 ) -> None:
@@ -234,51 +219,26 @@ def test_a_table_is_filled_once() -> None:
 @pytest.mark.parametrize(
     ("right", "wrong", "message"),
     [
-        (
-            "[scenario.slow]",
-            "[scenario]",
-            'scenario.duration: "6 s": expected a table with a name, such as [scenario.slow]',
-        ),
-        (
-            'reference = "30 rpm"',
-            'speed = "30 rpm"',
-            'scenario.slow.speed: "30 rpm": expected "reference" in its place',
-        ),
-        (
-            'kind = "absolute", bits = 17',
-            "bits = 17",
-            'drive.position_sensor.kind: missing: expected a kind of sensor, such as "encoder"',
-        ),
-        (
-            'law = "harmonic"',
-            "",
-            "controller.harmonic.law: missing: expected a law that cogless list shows",
-        ),
+        ("[scenario.slow]", "[scenario]",
+            'scenario.duration: "6 s": expected a table with a name, such as [scenario.slow]'),
+        ('reference = "30 rpm"', 'speed = "30 rpm"',
+            'scenario.slow.speed: "30 rpm": expected "reference" in its place'),
+        ('kind = "absolute", bits = 17', "bits = 17",
+            'drive.position_sensor.kind: missing: expected a kind of sensor, such as "encoder"'),
+        ('law = "harmonic"', "", "controller.harmonic.law: missing: expected a law that cogless list shows"),
         ('law = "pi"', "law = pi", ': "law = pi": expected a text in quotes, or a number without a unit'),
         ("[[metric]]", "[metric]", ": expected an array of tables, [[metric]]"),
-        (
-            'order = 84, torque = "4 mN*m"',
-            'order = 84, amplitude = "4 mN*m"',
-            'motor.cogging.0.amplitude: "4 mN*m": expected "torque" in its place',
-        ),
-        (
-            'current_limit = "1.5 A"',
-            'max_current = "1.5 A"',
-            'drive.current_loop.max_current: "1.5 A": expected "current_limit" in its place',
-        ),
-        (
-            'bus_voltage = "24 V"',
-            'voltage = "24 V"',
-            'drive.inverter.voltage: "24 V": expected a known key, perhaps "bus_voltage"',
-        ),
-        (
-            'coulomb_friction = "3 mN*m"',
-            'friction = "3 mN*m"',
+        ('order = 84, torque = "4 mN*m"', 'order = 84, amplitude = "4 mN*m"',
+            'motor.cogging.0.amplitude: "4 mN*m": expected "torque" in its place'),
+        ('current_limit = "1.5 A"', 'max_current = "1.5 A"',
+            'drive.current_loop.max_current: "1.5 A": expected "current_limit" in its place'),
+        ('bus_voltage = "24 V"', 'voltage = "24 V"',
+            'drive.inverter.voltage: "24 V": expected a known key, perhaps "bus_voltage"'),
+        ('coulomb_friction = "3 mN*m"', 'friction = "3 mN*m"',
             'mechanics.friction: "3 mN*m": expected a known key, perhaps "viscous_friction" or '
-            '"coulomb_friction" or "breakaway_friction" or "friction_harmonics" or "friction_table"',
-        ),
+            '"coulomb_friction" or "breakaway_friction" or "friction_harmonics" or "friction_table"'),
     ],
-)
+)  # fmt: skip
 def test_a_newcomer_s_mistake_is_told_with_what_makes_the_study_right(
     tmp_path: Path, right: str, wrong: str, message: str
 ) -> None:

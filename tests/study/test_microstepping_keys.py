@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import studies
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.printer.corrections import Coefficient, Correction
@@ -33,20 +34,14 @@ TABLE = f"{PATH}.correction.forward"
         ({TABLE: 9 * [{"order": 1, "magnitude": "1 mrad"}]}, "forward"),
         ({"drive.rates.speed_loop": "10 kHz"}, "expected drive.rates.speed_loop like current_loop"),
         ({"drive.bus": {"delay_command": "1 ms"}}, "expected no drive.bus"),
-        (
-            {"drive.position_sensor": {"kind": "encoder", "lines": 1000}},
-            "expected an ideal position sensor, which only stands for the driver's coils",
-        ),
-        (
-            {"scenario.20-mm-s.torque_mode": {"time": "0.1 s", "current": "0 A"}},
-            "expected no torque_mode in scenario 20-mm-s",
-        ),
+        ({"drive.position_sensor": {"kind": "encoder", "lines": 1000}},
+            "expected an ideal position sensor, which only stands for the driver's coils"),
+        ({"scenario.20-mm-s.torque_mode": {"time": "0.1 s", "current": "0 A"}},
+            "expected no torque_mode in scenario 20-mm-s"),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_is_one_line(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(StudyError) as error:
-        load("printer", changes)
-    assert message in str(error.value) and len(str(error.value).splitlines()) == 1
+    assert message in studies.refusal(load, "printer", changes)
 
 
 def printer_with_file(folder: Path, text: str | None, **more: Any) -> Any:
@@ -76,27 +71,18 @@ def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
         (None, {}, "expected a file at"),
         ("[]", {}, "expected the correction.json that cogless identify writes"),
         ('{"forward": [{"order": 1}], "backward": []}', {}, "expected the correction.json that"),
-        (
-            '{"current_A_rms": 0.8, "forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], '
-            '"backward": []}',
-            {},
-            "expected order times magnitude below 1 rad together, not 1.2 rad",
-        ),
-        (
-            '{"current_A_rms": 0, "forward": [], "backward": []}',
-            {},
-            "expected the correction.json that cogless identify writes",
-        ),
+        ('{"current_A_rms": 0.8, "forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], '
+            '"backward": []}', {}, "expected order times magnitude below 1 rad together, not 1.2 rad"),
+        ('{"current_A_rms": 0, "forward": [], "backward": []}', {},
+            "expected the correction.json that cogless identify writes"),
         ("{}", {"current": "1 A"}, 'current: "1 A": expected none, since the file has its own'),
         ("{}", {"forward": [{"order": 1, "magnitude": 0.1}]}, "expected none, since forward or backward"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_file_is_one_line(
     tmp_path: Path, text: str | None, more: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(StudyError) as error:
-        printer_with_file(tmp_path, text, **more)
-    assert message in str(error.value) and len(str(error.value).splitlines()) == 1
+    assert message in studies.refusal(printer_with_file, tmp_path, text, **more)
 
 
 def test_a_servo_motor_has_no_microsteps() -> None:

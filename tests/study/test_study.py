@@ -290,12 +290,9 @@ def test_shipped_studies_and_motors_are_found_by_name(
     studies.write(tmp_path / "studies").rename(tmp_path / "studies" / "mine.toml")
     monkeypatch.setattr(cogless, "__path__", [str(tmp_path)])
     assert load("mine").title == "A small drive"
-    with pytest.raises(StudyError) as error:
-        load("yours")
-    assert str(error.value) == "yours: no such study: expected a file, or one of the shipped: mine"
-    with pytest.raises(StudyError) as error:
-        load("mine", {"motor.datasheet": "liu"})
-    line = str(error.value).rpartition("/")[2]
+    told = studies.refusal(load, "yours")
+    assert told == "yours: no such study: expected a file, or one of the shipped: mine"
+    line = studies.refusal(load, "mine", {"motor.datasheet": "liu"}).rpartition("/")[2]
     assert line == (
         'mine.toml: motor.datasheet: "liu": no such datasheet: expected a file, or one of the shipped: none'
     )
@@ -549,9 +546,8 @@ def test_a_mistake_in_a_saturation_file_names_its_line(
     tmp_path: Path, axis: str, text: str, problem: str
 ) -> None:
     (tmp_path / "table.csv").write_text(text)
-    with pytest.raises(StudyError) as error:
-        studies.study(tmp_path, {"motor.saturation": {axis: {"file": "table.csv"}}})
-    assert f'motor.saturation.{axis}.file: "table.csv": {problem}' in str(error.value)
+    told = studies.refusal(studies.study, tmp_path, {"motor.saturation": {axis: {"file": "table.csv"}}})
+    assert f'motor.saturation.{axis}.file: "table.csv": {problem}' in told
 
 
 def test_a_saturation_file_stands_alone(tmp_path: Path) -> None:

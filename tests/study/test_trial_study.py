@@ -1,6 +1,7 @@
 """A study of trials: what it means, and a mistake in it as one line."""
 
 import itertools
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from trial_studies import DRIVE, LINEAR
 
-from cogless.errors import StudyError
 from cogless.study import Study, load
 from cogless.study.linear_plant import ExpressionError, evaluate
 from cogless.study.trial_study import PositionReference
+from studies import refusal
 
-
-def line_of(folder: Path, changes: dict[str, Any], text: str) -> str:
-    path = trial_studies.write(folder, text)
-    with pytest.raises(StudyError) as error:
-        load(path, changes)
-    line = str(error.value)
-    assert "\n" not in line
-    return line.replace(str(folder) + "/", "")
+line_of = partial(refusal, trial_studies.loaded)
 
 
 def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
@@ -94,8 +88,7 @@ def test_a_plant_s_matrices_follow_its_parameters(tmp_path: Path) -> None:
 
 
 @given(
-    st.lists(st.floats(-10, 10), min_size=2, max_size=6),
-    st.lists(st.floats(0.01, 3), min_size=6, max_size=6),
+    st.lists(st.floats(-10, 10), min_size=2, max_size=6), st.lists(st.floats(0.01, 3), min_size=6, max_size=6)
 )
 def test_references_stop_at_each_point_and_stay_between(values: list[float], gaps: list[float]) -> None:
     times = list(itertools.accumulate(gaps[: len(values)]))
@@ -116,14 +109,10 @@ def test_references_stop_at_each_point_and_stay_between(values: list[float], gap
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("-B / J", -2.0),
-        ("2*(J+B)**2", 18.0),
-        ("1.5e-3", 0.0015),
-        ("+J", 1.0),
-        ("-2**2", -4.0),
+        ("-B / J", -2.0), ("2*(J+B)**2", 18.0), ("1.5e-3", 0.0015), ("+J", 1.0), ("-2**2", -4.0),
         ("J" + 99 * "+J" + " ", 100.0),
     ],
-)
+)  # fmt: skip
 def test_expressions(text: str, value: float) -> None:
     assert evaluate(text, {"B": 2.0, "J": 1.0}) == value
 
