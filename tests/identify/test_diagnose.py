@@ -187,7 +187,7 @@ def test_cogging_of_order_6p_is_not_told_from_ripple_of_k_t_without_loads(tmp_pa
     text, logs = played("of 6 p")
     made = diagnose(tmp_path, text, {name: logs[name] for name in ("fast", "drives")})
     name, confidence = cause_of(made, "drives", 42)
-    assert (name, confidence) == ("cogging or K_t ripple or dead time or encoder", "cannot be told apart")
+    assert (name, confidence) == ("cogging or K_t ripple or dead time", "cannot be told apart")
     cure = "record logs with loads of both signs, and an acceleration log."
     assert f"Order 42: K_t ripple and cogging cannot be told apart; {cure}" in made.remarks
 

@@ -67,9 +67,13 @@ def test_intervals_hold_the_truth_in_nineteen_of_twenty() -> None:
 
 
 def test_an_exact_jackknife_is_as_wide_as_the_linear_one() -> None:
-    random = np.random.default_rng(5)
-    equations = Equations([rows("a", random, 0.2), rows("b", random, 0.2)])
-    assert equations.fit(exact=True).intervals == pytest.approx(equations.fit().intervals, rel=0.25)
+    """States of the motion add a tenth where nothing repeats."""
+    ratios = []
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        equations = Equations([rows("a", random, 0.2), rows("b", random, 0.2)])
+        ratios.append(equations.fit(exact=True).intervals / equations.fit().intervals)
+    assert np.median(ratios) == pytest.approx(1.1, abs=0.1)
 
 
 def test_an_interval_holds_the_values_of_logs_that_contradict_each_other() -> None:
@@ -91,7 +95,8 @@ def test_an_interval_holds_an_inertia_that_is_off_by_the_same_in_each_ramp() -> 
         repeated = np.tile(0.1 * random.standard_normal(60), 16)
         y = one.y + (columns - one.columns) @ TRUE + repeated
         instruments = np.tile(way, (len(LADDER), 1))
-        fitted = fit([replace(one, columns=columns, y=y, omega=speed, instruments=instruments)])
+        repeating = replace(one, columns=columns, y=y, omega=speed, instruments=instruments)
+        fitted = Equations([repeating]).fit(exact=True)
         inside += int(abs(fitted["j",] - TRUE[0]) <= fitted.interval(("j",)))
     assert 0.88 * 200 < inside < 200
 

@@ -333,7 +333,7 @@ def _steadiest(state: State, ends: Sequence[Equations]) -> State:
     """
 
     def error(instrument: int) -> float:
-        fit = state.equations.fit(instrument)
+        fit = state.equations.fit(instrument, exact=True)
         moved = (end.fit(instrument)["j",] - fit["j",] for end in ends)
         return float(np.hypot(fit.interval(("j",)), max(map(abs, moved))))
 

@@ -306,23 +306,25 @@ class Equations:
     def fit(self, instrument: int = WIDE_INSTRUMENT, exact: bool = False) -> Fit:
         """Solve with this one of the acceleration's instruments; each log weighs by its residual.
 
-        `exact`: every block is left out; else to first order.
+        `exact`: every block is left out, and states of the motion count; else to first order, without these,
+        which have an error that all instruments share.
         """
         matrices, vectors = self._with(instrument)
         matrix, vector, values, inverse, weights = self._solved(matrices, vectors)
         log_of = self._log_of
         matrices = weights[log_of, None, None] * matrices
         vectors = weights[log_of, None] * vectors
+        states = np.zeros((1, len(values)))
         if exact:
+            sides = weights[:, None, None] * self._by_state(values, instrument)
+            states = np.concatenate(sides) @ inverse.T * STATES / (STATES - 1)
             others = [solved(matrix - m, vector - v)[0] for m, v in zip(matrices, vectors, strict=True)]
             moved = values - np.array(others)
         else:
             count = len(matrices)
             moved = (vectors - matrices @ values) @ inverse.T * count / max(1, count - 1)
         variance, freedom = _variance_of(moved)
-        by_state = np.concatenate(weights[:, None, None] * self._by_state(values, instrument)) @ inverse.T
-        by_state *= STATES / (STATES - 1)
-        intervals = self._intervals(moved, by_state, variance, freedom)
+        intervals = self._intervals(moved, states, variance, freedom)
         plain = sum(weight * self._plain[log][0] for log, weight in zip(self.logs, weights, strict=True))
         return Fit(
             names=self.names,
@@ -361,7 +363,7 @@ class Equations:
                     sums[k, state, place] += residual[here] @ factors[here]
         return sums
 
-    def _intervals(self, moved: Array, by_state: Array, variance: Array, freedom: Array) -> Array:
+    def _intervals(self, moved: Array, states: Array, variance: Array, freedom: Array) -> Array:
         """Errors at 95 %: of blocks, and of what logs, quarters of logs and states differ by beyond these.
 
         The excess is a random effect, with few degrees of freedom; their sum has those after Satterthwaite.
@@ -369,7 +371,7 @@ class Equations:
         widest = student.ppf(0.975, freedom) * np.sqrt(variance)
         parts = [np.array([block.part for block in self.blocks]) + LOG_QUARTERS * self._log_of, self._log_of]
         by_part = [np.array([moved[part == one].sum(axis=0) for one in np.unique(part)]) for part in parts]
-        for groups in (*by_part, by_state):
+        for groups in (*by_part, states):
             between, fewer = _variance_of(groups)
             excess = np.maximum(0.0, between - variance)
             total = np.maximum(variance + excess, 1e-300)
