@@ -446,11 +446,9 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
     const bool delay = config_.inverter.computation_delay;
     for (std::size_t n = 0; n < acting.duty.size(); ++n) {
         const auto computed = static_cast<double>(s.output.duty[n]);
-        acting.duty[n] = delay ? s.duty[n] : computed;
+        const double duty = delay ? s.duty[n] : computed;
+        acting.duty[n] = least_duty_ > 0.0 ? without_short_pulses(duty, least_duty_) : duty;
         s.duty[n] = computed;
-    }
-    if (least_duty_ > 0.0) {
-        for (double& duty : acting.duty) duty = without_short_pulses(duty, least_duty_);
     }
     const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
     acting.open = delay ? s.open : off;
