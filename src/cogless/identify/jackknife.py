@@ -26,7 +26,7 @@ from cogless.results.trace import Array
 LOG_BLOCKS = 12
 BLOCK_ROWS_LEAST = 6  # a block has no fewer
 LOG_QUARTERS = 4  # parts of a log, and of its speeds, that are compared with each other
-STATES = 2 * LOG_QUARTERS  # of a log's motion: a quarter of its speeds, faster or slower
+MOTION_STATES = 2 * LOG_QUARTERS  # of a log's motion: a quarter of its speeds, faster or slower
 WEIGHING_ROUNDS = 4
 SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
 WELL_POSED = 1e9  # condition of scaled equations, up to which they are inverted
@@ -317,7 +317,7 @@ class Equations:
         states = np.zeros((1, len(values)))
         if exact:
             sides = weights[:, None, None] * self._by_state(values, instrument)
-            states = np.concatenate(sides) @ inverse.T * STATES / (STATES - 1)
+            states = np.concatenate(sides) @ inverse.T * MOTION_STATES / (MOTION_STATES - 1)
             others = [solved(matrix - m, vector - v)[0] for m, v in zip(matrices, vectors, strict=True)]
             moved = values - np.array(others)
         else:
@@ -345,7 +345,7 @@ class Equations:
 
         A state is a quarter of the log's speeds, with an acceleration of one sign.
         """
-        sums = np.zeros((len(self.logs), STATES, len(values)))
+        sums = np.zeros((len(self.logs), MOTION_STATES, len(values)))
         for k, log in enumerate(self.logs):
             own = [rows for rows in self.rows if rows.log.name == log]
             shares = np.arange(1, LOG_QUARTERS) / LOG_QUARTERS
@@ -359,8 +359,8 @@ class Equations:
                         factors[:, rows.names.index(name)] = x
                 states = np.searchsorted(edges, rows.omega) + LOG_QUARTERS * (course > 0)
                 for state in np.unique(states):
-                    here = states == state
-                    sums[k, state, place] += residual[here] @ factors[here]
+                    members = states == state
+                    sums[k, state, place] += residual[members] @ factors[members]
         return sums
 
     def _intervals(self, moved: Array, states: Array, variance: Array, freedom: Array) -> Array:
