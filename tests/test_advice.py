@@ -456,12 +456,13 @@ CASES: dict[str, list[Case]] = {
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA",
                         "drive.current_reference.field_weakening": True}, "the limits of current and "
         "voltage there allow"),
-        Case(SMALL_LIMIT, NONE, "current_max = ", left=0.5),
-        Case(SMALL_LIMIT, {**NONE, "drive.current_sensors.sensors": 2}, "current_max = ", left=0.5),
+        Case(SMALL_LIMIT, NONE, "current_limit = ", left=0.5),
+        Case(SMALL_LIMIT, {**NONE, "drive.current_sensors.sensors": 2, "drive.monitor.current_max": "0.2 A"},
+             "current_max = ", left=0.5),
     ],
     "design.current_needed.noisy_currents": [
-        Case(SMALL_LIMIT, {**NONE, "drive.current_loop.current_limit": "0.2 A"}, "switch the drive off",
-             left=0.5),
+        Case(SMALL_LIMIT, {**NONE, "drive.current_loop.current_limit": "0.2 A",
+                           "drive.monitor.current_sum": "0.1 A"}, "switch the drive off", left=0.5),
         Case(SMALL_LIMIT, {**NONE, "drive.current_loop.current_limit": "2 A",
                            "drive.current_sensors.offset": ["0.5 A", "0.5 A", "0.5 A"]},
              "switch the drive off", left=0.5),

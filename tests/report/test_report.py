@@ -551,7 +551,7 @@ def test_the_verdict_names_the_monitor_where_it_stopped_the_drive():
     runs = [replace(run, metrics=measure(study, "walk", run.trace)) for run in runs]
     found = verdicts(Results(study, runs))[0]
     assert found.headline.startswith("At 90 rpm, no controller holds the speed from")
-    assert "PI mean 0 of 90 rpm (the monitor has the output off" in found.headline
+    assert "PI and PI-ILC mean 0 of 90 rpm (the monitor has the output off" in found.headline
     assert "angle stuck, status bit 64)" in found.headline
 
 

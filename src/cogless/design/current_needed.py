@@ -37,7 +37,6 @@ LIMIT = "drive.current_loop.current_limit"
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
 LIMITED_SHARE_MOST = 0.1  # largest share of the law's periods that is not warned of
 NOISE_DEVIATIONS, NOISE_POINTS = 5, 100  # standard deviations of a normal distribution, and points for them
-TRIP_DEVIATIONS = 6  # a normal noise is beyond them once in 5e8 samples: in some hours at 20 kHz
 
 
 @dataclass(frozen=True)
@@ -191,13 +190,10 @@ def _trips(study: Study, scenario: str) -> dict[str, float]:
     """
     of = for_scenario(study, scenario)
     drive, sensors, phases = of.drive, of.drive.current_sensors, of.motor.star().phases
-    limit = drive.current_loop.current_limit
+    limit, noise = drive.current_loop.current_limit, drive.current_noise(phases)
     turns = np.exp(1j * math.tau * np.arange(3) / 3)
     errors = abs(sum(sensors.offset)) + limit * abs(np.sum(turns * sensors.gain_error))
-    reach = {
-        "current_max": limit + TRIP_DEVIATIONS * math.sqrt(measured_noise(of)),
-        "current_sum": errors + TRIP_DEVIATIONS * math.sqrt(3 * sensors.variance),
-    }
+    reach = {"current_max": limit + noise["current_max"], "current_sum": errors + noise["current_sum"]}
     bounds = drive.plausible_currents(phases)
     return {key: value for key, value in reach.items() if 0 < bounds[key] < value}
 

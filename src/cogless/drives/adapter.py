@@ -168,6 +168,7 @@ class Adapter:
     sensor. `law`: the class of its own law in `firmware_laws`; `gains`: what the file of
     `--drive-config` has for it, empty if nothing. `own_angle`: its table is over its source's
     angle. `write_encoder`: its own text of a correction of its encoder; None: it takes none.
+    `mean_currents`: a row of its logs has the mean current since the row before.
     """
 
     name: str
@@ -188,6 +189,7 @@ class Adapter:
     log_pattern: str = "{name}.csv"
     own_angle: bool = False
     write_encoder: Callable[[AngleWaves, TableFrame], TableText] | None = None
+    mean_currents: bool = False
 
 
 def text_of(path: Path, expected: str) -> str:

@@ -258,6 +258,8 @@ def _merged(logs: DriveLogs, columns: Path | None, adapter: Adapter) -> dict[str
         signal: {"name": signal, "files": [escape(names[r]) for r in recordings if signal in r.signals]}
         for signal in signals
     }
+    if adapter.mean_currents:
+        merged["columns"]["i_q"]["mean"] = True
     return merged
 
 

@@ -248,5 +248,6 @@ VESC = Adapter(
     recognise=recognise,
     read_logs=read_logs,
     write_encoder=write_vesc,
+    mean_currents=True,
     refusal="it has no table of cogging; its encoder correction is of the angle",
 )

@@ -34,6 +34,7 @@ HALF_HEIGHT_WIDTHS = 2.355  # widths of a Gaussian in which it is above half its
 STANDING_ROWS_LEAST = 1  # whole rows of a rotor that stands, from which on they tell its friction
 WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
 WIDTH_ROWS = 1.5  # smallest width of a kernel, whose image of a wave of SEEN_PHASE is a ten-thousandth
+MEAN_WIDTH_ROWS = 2.5  # that of mean currents, which show a faster wave too small
 Name = tuple[str | int, ...]
 Filter = Callable[..., Array]
 Pairs = Mapping[int, tuple[float, float]]
@@ -67,7 +68,7 @@ class Model:
 
     def width(self, log: Log) -> float:
         """Width of a log's kernel, s."""
-        return max(self.widths.get(log.name, KERNEL_WIDTH), WIDTH_ROWS * log.dt)
+        return max(self.widths.get(log.name, KERNEL_WIDTH), narrowest_width(log))
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,11 @@ class Rows:
         stay = np.array([name[:2] not in removed for name in self.names])
         names = tuple(name for name, stays in zip(self.names, stay, strict=True) if stays)
         return replace(self, names=names, columns=self.columns[:, stay])
+
+
+def narrowest_width(log: Log) -> float:
+    """Smallest width of a log's kernel by its rows, s."""
+    return (MEAN_WIDTH_ROWS if log.mean_current else WIDTH_ROWS) * log.dt
 
 
 def all_names(rows: Sequence[Rows]) -> tuple[Name, ...]:
@@ -230,7 +236,7 @@ def _standing(theta: Array, resolved: float, creeping: float, width: float) -> N
     shorter stand than the rows in which the kernel is above half its height does not count.
     """
     stands = np.zeros(len(theta), np.bool_)
-    rows = int(np.ceil(min(resolved / creeping, len(theta) - 1.0)))
+    rows = int(np.ceil(np.clip(resolved / creeping, 1.0, len(theta) - 1.0)))
     if rows > REACH_WIDTHS * width:
         return stands
     still = np.abs(theta[rows:] - theta[:-rows]) <= resolved

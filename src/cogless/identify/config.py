@@ -72,6 +72,7 @@ class Column(Table):
     unit: str = ""
     sign: Literal[1, -1] = 1
     scale: Annotated[float, Field(gt=0)] = 1.0  # such as sqrt(2) of rms amperes
+    mean: bool = False  # of i_q: each value is the mean since the row before
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:

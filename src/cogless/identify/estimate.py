@@ -13,12 +13,12 @@ from cogless.identify.advice import Advice, AdvisedError, logs_of_kind
 from cogless.identify.balance import (
     LADDER,
     WIDE_INSTRUMENT,
-    WIDTH_ROWS,
     Model,
     Name,
     Rows,
     Sensor,
     angle_noise,
+    narrowest_width,
     rows_of,
 )
 from cogless.identify.cogging_orders import FALSE_ALARM, ORDER_CHANCE, found_orders
@@ -178,7 +178,7 @@ class Logs:
         return self.narrowed(replace(model, widths=widths), lambda log: PASSED_PHASE / max(fastest, 1e-9))
 
     def _narrowest(self, log: Log) -> float:
-        return max(WIDTH_ROWS * log.dt, self.period)
+        return max(narrowest_width(log), self.period)
 
     @cached_property
     def _slowest(self) -> float:

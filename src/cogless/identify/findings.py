@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
-from cogless.identify.balance import WAVE_RATE_SHARE, WIDTH_ROWS, Model, Rows
+from cogless.identify.balance import WAVE_RATE_SHARE, Model, Rows, narrowest_width
 from cogless.identify.cogging_orders import BLUR_PHASE
 from cogless.identify.config import Identification
 from cogless.identify.jackknife import Fit, fit, jackknife
@@ -468,9 +468,9 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
     slower = SPARE_SPEED * turning * highest / order
     cures = [recording(speed=slower, log=log.name)]
     needs = f"{slower / TURN:.2g} rev/s"
-    by_rows = WIDTH_ROWS * log.dt
+    by_rows = narrowest_width(log)
     if estimate.model.width(log) < (1 + WIDTH_SLACK) * by_rows:  # more rows make the kernel narrower
-        rate = _up(WIDTH_ROWS * order * turning / BLUR_PHASE / SPARE_SPEED)
+        rate = _up(by_rows / log.dt * order * turning / BLUR_PHASE / SPARE_SPEED)
         cures = [recording(rate=rate, log=log.name), *cures]
         needs = f"{rate:.0f} rows a second or {needs}"
     return [

@@ -63,7 +63,8 @@ class Log:
     """A log in SI units.
 
     `dt`: time between rows, s; 0: a hold map has none. `stretches`: rows without a gap between them.
-    `remarks`: what was found on the way, a sentence each.
+    `remarks`: what was found on the way, a sentence each. `mean_current`: a row of i_q is the mean since the
+    row before.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Log:
     signals: Columns
     stretches: tuple[slice, ...]
     remarks: list[str] = field(default_factory=list)
+    mean_current: bool = False
 
     def __len__(self) -> int:
         return len(next(iter(self.signals.values())))
@@ -485,7 +487,15 @@ def _timed(
         joined["theta"] = joined["theta"] + offset
     starts = np.cumsum([0, *(len(next(iter(part.values()))) for part in parts)])
     stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(starts))
-    return Log(name, rule, dt=_period(t, dt), signals=joined, stretches=stretches, remarks=remarks)
+    return Log(
+        name,
+        rule,
+        dt=_period(t, dt),
+        signals=joined,
+        stretches=stretches,
+        remarks=remarks,
+        mean_current="i_q" in identification.columns and identification.columns["i_q"].mean,
+    )
 
 
 def _within_limit(where: str, signals: Columns, identification: Identification) -> None:

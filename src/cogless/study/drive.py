@@ -60,10 +60,11 @@ class Monitor(Table):
     """Time of full current after which an angle that stands still counts as stuck. Default: 100 ms. It is
     longer if a tenth of the largest torque takes longer to turn the inertia by a step of the sensor."""
     current_max: CurrentMagnitude | None = None  # A
-    """Largest plausible length of the current vector. Default: twice `current_limit`."""
+    """Largest plausible length of the current vector. Default: twice `current_limit`, and at least that and
+    what noise of the current sensors reaches."""
     current_sum: CurrentMagnitude | None = None  # A
-    """Largest plausible $|i_a + i_b + i_c|$. Default: half of `current_limit` with three sensors, else not
-    watched."""
+    """Largest plausible $|i_a + i_b + i_c|$. Default with three sensors: half of `current_limit`, and at
+    least what their noise reaches; else not watched."""
     bridge: Time | None = None  # s
     """Longest time for which a missing angle is extrapolated. Default: 5 ms."""
     hold: Time | None = None  # s
@@ -95,6 +96,7 @@ ENCODER_TABLE_ORDERS = whole_number("CGL_ENCODER_TABLE_ORDERS")
 SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c
 CURRENT_MARGIN = 2.0  # largest plausible current / current limit
 SUM_SHARE = 0.5  # largest plausible sum of the phases' currents / current limit
+NOISE_DEVIATIONS = 6  # a normal noise is beyond them once in 5e8 samples: in some hours at 20 kHz
 PAST_MAX = 100_000  # longest delay in current-loop periods
 TRACE_ROWS_MOST = 20_000_000  # rows of one run: 4 GB with some 25 signals of 8 bytes each
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
@@ -527,13 +529,26 @@ class Drive(Table):
         d = -2 * saliency / (1 + math.sqrt(1 + 8 * saliency**2))
         return limit * max(1.0, REACH_SHARE * math.sqrt(1 - d**2) * (1 - saliency * d))
 
+    def current_noise(self, phases: int) -> dict[str, float]:
+        """What noise of the current sensors reaches, A, by the monitor's bounds.
+
+        That of the vector counts in its noisiest direction. Two sensors of three phases have the third's, too.
+        """
+        of_vector = 1.0 if phases == 2 else (2.0 if self.current_sensors.sensors == 2 else 2 / 3)
+        variances = {"current_max": of_vector, "current_sum": 3.0}
+        return {
+            key: NOISE_DEVIATIONS * math.sqrt(share * self.current_sensors.variance)
+            for key, share in variances.items()
+        }
+
     def plausible_currents(self, phases: int) -> dict[str, float]:
         """The monitor's bounds of the measured currents, A, by its keys; 0: not watched."""
         derived = {"current_max": 0.0, "current_sum": 0.0}
         if self.inverter is not None and not self.ideal:
-            derived["current_max"] = CURRENT_MARGIN * self.current_loop.current_limit
+            limit, noise = self.current_loop.current_limit, self.current_noise(phases)
+            derived["current_max"] = max(CURRENT_MARGIN * limit, limit + noise["current_max"])
             if phases == 3 and self.current_sensors.sensors == 3:
-                derived["current_sum"] = SUM_SHARE * self.current_loop.current_limit
+                derived["current_sum"] = max(SUM_SHARE * limit, noise["current_sum"])
         own = {key: getattr(self.monitor, key) for key in derived}
         return {key: derived[key] if value is None else value for key, value in own.items()}
 
