@@ -532,10 +532,10 @@ class Drive(Table):
     def current_noise(self, phases: int) -> dict[str, float]:
         """What noise of the current sensors reaches, A, by the monitor's bounds.
 
-        That of the vector counts in its noisiest direction. Two sensors of three phases have the third's, too.
+        The vector's is that of its noisiest direction; with two sensors the third phase has the noise of both.
         """
-        of_vector = 1.0 if phases == 2 else (2.0 if self.current_sensors.sensors == 2 else 2 / 3)
-        variances = {"current_max": of_vector, "current_sum": 3.0}
+        of_three = 2.0 if self.current_sensors.sensors == 2 else 2 / 3
+        variances = {"current_max": of_three if phases == 3 else 1.0, "current_sum": 3.0}
         return {
             key: NOISE_DEVIATIONS * math.sqrt(share * self.current_sensors.variance)
             for key, share in variances.items()
