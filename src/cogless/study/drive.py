@@ -532,7 +532,7 @@ class Drive(Table):
     def current_noise(self, phases: int) -> dict[str, float]:
         """What noise of the current sensors reaches, A, by the monitor's bounds.
 
-        The vector's is that of its noisiest direction; with two sensors the third phase has the noise of both.
+        The vector's is that of its noisiest direction. With two sensors the third phase has noise of both.
         """
         of_three = 2.0 if self.current_sensors.sensors == 2 else 2 / 3
         variances = {"current_max": of_three if phases == 3 else 1.0, "current_sum": 3.0}
