@@ -30,7 +30,6 @@ ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own whe
 KERNEL_WIDTH = 6e-3  # s, before the noises are known
 CREEP_SHARE = 0.05  # share of a log's median speed
 STILL_DEVIATIONS = 3  # standard deviations of an angle's change, within which the rotor may stand
-HALF_HEIGHT_WIDTHS = 2.355  # widths of a Gaussian in which it is above half its height: sqrt(8 log 2)
 STANDING_ROWS_LEAST = 1  # whole rows of a rotor that stands, from which on they tell its friction
 WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
 WIDTH_ROWS = 1.5  # smallest width of a kernel, whose image of a wave of SEEN_PHASE is a ten-thousandth
@@ -233,7 +232,7 @@ def _standing(theta: Array, resolved: float, creeping: float, width: float) -> N
     """Whether the rotor stands, as a kernel of this width in rows resolves it.
 
     It moves by less than `resolved`, rad, in the rows in which `creeping`, rad a row, moves it as far. A
-    shorter stand than the rows in which the kernel is above half its height does not count.
+    shorter stand than the kernel's width does not count.
     """
     stands = np.zeros(len(theta), np.bool_)
     rows = int(np.ceil(np.clip(resolved / creeping, 1.0, len(theta) - 1.0)))
@@ -244,7 +243,7 @@ def _standing(theta: Array, resolved: float, creeping: float, width: float) -> N
         stands[row : len(still) + row] |= still
     edges = np.flatnonzero(np.diff(stands, prepend=False, append=False))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        stands[begin:end] = end - begin >= HALF_HEIGHT_WIDTHS * width
+        stands[begin:end] = end - begin >= width
     return stands
 
 

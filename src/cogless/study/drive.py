@@ -96,7 +96,7 @@ ENCODER_TABLE_ORDERS = whole_number("CGL_ENCODER_TABLE_ORDERS")
 SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c
 CURRENT_MARGIN = 2.0  # largest plausible current / current limit
 SUM_SHARE = 0.5  # largest plausible sum of the phases' currents / current limit
-NOISE_DEVIATIONS = 6  # a normal noise is beyond them once in 5e8 samples: in some hours at 20 kHz
+FALSE_TRIP_DEVIATIONS = 6  # a normal noise is beyond them once in 5e8 samples: in some hours at 20 kHz
 PAST_MAX = 100_000  # longest delay in current-loop periods
 TRACE_ROWS_MOST = 20_000_000  # rows of one run: 4 GB with some 25 signals of 8 bytes each
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
@@ -537,7 +537,7 @@ class Drive(Table):
         of_three = 2.0 if self.current_sensors.sensors == 2 else 2 / 3
         variances = {"current_max": of_three if phases == 3 else 1.0, "current_sum": 3.0}
         return {
-            key: NOISE_DEVIATIONS * math.sqrt(share * self.current_sensors.variance)
+            key: FALSE_TRIP_DEVIATIONS * math.sqrt(share * self.current_sensors.variance)
             for key, share in variances.items()
         }
 
