@@ -114,7 +114,7 @@ struct DriveState {
     cgl_reference asked{};
     cgl_drive_output output{};
     Phases duty{0.5, 0.5, 0.5};  // duty cycles that the inverter applies in this period
-    Phases applied = duty;       // with edge-aligned pulses: those of the period before, without short pulses
+    Phases applied = duty;       // with edge-aligned pulses: duty cycles of the last period, after short pulses were dropped
     bool open = false;           // true: the inverter's transistors are off instead
     std::size_t next_load_step = 0;
     double added_load = 0.0;                     // N m, by add_load()
@@ -253,7 +253,7 @@ private:
                                                const Faults& faults) const;
     template <std::size_t legs>
     Voltage<> averaged(DriveState& state, const Phases& duty, const Phases& current, const Faults& faults) const;
-    // The duty cycles of a period that begins, for the next one.
+    // Keeps the duty cycles of this period for the next one.
     void remember(DriveState& state, const Phases& applied) const;
     template <std::size_t legs>
     void control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
@@ -293,7 +293,7 @@ private:
     double period_;        // s, of the current loop
     double step_;          // s, of the integration
     double dead_share_;    // of the period, by the inverter's dead time
-    double least_duty_;    // by its shortest pulses
+    double least_duty_;    // the smallest duty cycle that is not dropped
     bool follows_angle_;   // whether the law follows its reference's angle
     bool steps_currents_;  // whether it acts in each period of the current loop, too
     double turns_;        // rad, the law gets the reference's angle modulo this

@@ -48,7 +48,7 @@ struct InverterConfig {
     Pwm pwm = Pwm::centre;
     double bus_voltage;          // V
     double dead_time = 0.0;      // s
-    double minimum_pulse = 0.0;  // s, no transistor is on for less in half a PWM period; 0: for any time
+    double minimum_pulse = 0.0;  // s, no transistor is on for less in half a PWM period (edge: in a whole one); 0: no limit
     double device_drop = 0.0;    // V, across the transistor or diode that conducts
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };

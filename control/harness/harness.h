@@ -1,4 +1,4 @@
-/* A law as the programs see it that step it with numbers drawn at random: tests/random_inputs.c, where a generator draws them, and
+/* What the programs that step a law with random numbers need of it: tests/random_inputs.c, where a generator draws the numbers, and
  * fuzz/controller.c, where the fuzzer's bytes are the numbers. NAME.c has the harness of a law, harness_NAME. */
 #ifndef HARNESS_H
 #define HARNESS_H
@@ -70,7 +70,7 @@ void give_back(void);
 void check_fences(void);
 void check_entries(const cgl_real *entry, uint32_t length, cgl_real limit);
 
-/* The terms of a law's current, a struct of reals. */
+/* Adds the terms of a law's current, a struct of reals, to the checksum. */
 void hear_terms(const void *terms, size_t size);
 /* What a law says of its output, term by term: they add up to it, as it is limited. */
 void check_sum(cgl_real output, cgl_real sum, cgl_real limit);
@@ -96,10 +96,11 @@ void check_writing(const cgl_memory *memory, const cgl_memory *old, const cgl_re
 /* A loop that leaves a law every config: any current, and no guard. */
 const cgl_loop *any_loop(cgl_real ts);
 
-/* Inputs: no random ones; any, or a rotor that turns so that something is learned; any, or a rotor that follows a reference which
- * mostly rises. */
+/* Inputs without random numbers. */
 cgl_law_input ordinary_input(int step);
+/* Any inputs, or those of a rotor that turns so that something is learned. */
 void next_input(cgl_law_input *in, int step);
+/* Any inputs, or those of a rotor that follows a reference which mostly rises. */
 void next_position_input(cgl_law_input *in, int step);
 
 #endif

@@ -32,9 +32,8 @@ from cogless.study.speed_study import Study
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import TrialStudy
 
-UNBUILT = re.compile(
-    r"^\*Without `make docs`.*?\*\n\n", re.MULTILINE | re.DOTALL
-)  # a page's note of its tables
+# The note on a page that its tables are missing on GitHub.
+UNBUILT = re.compile(r"^\*Without `make docs`.*?\*\n\n", re.MULTILINE | re.DOTALL)
 OWN_LAWS = "cogless.study.laws.own"
 log = logging.getLogger(__name__)
 
@@ -272,7 +271,7 @@ def check(app: Any, env: Any) -> None:
 
 
 def other_laws(app: Any, page: str, source: list[str]) -> None:
-    """Write the laws that a page does not name where it leaves room for them; without its note of tables.
+    """Write the laws that a page does not name where it leaves room; remove its note on missing tables.
 
     Such room is a line `laws/{others}` in a list of pages, and `{other-laws}` among the keys of controllers.
     """

@@ -270,7 +270,7 @@ def test_a_law_of_hall_sensors_without_an_order_of_the_torque_is_not_worth_it(tm
     The learning does harm in the run. With the encoder that is advised it leaves less than the PI.
     """
     _, draft = drafts.written(tmp_path, drafts.request("hub", "vesc", "hall"))
-    says = "it learns orders 1 to 14, but the torque has orders 27, 30, 270"
+    says = "the law learns orders 1 to 14, but the torque has only orders 27, 30, 270"
     assert answer(draft) == f"not worth it: {says}"
     assert ratio(draft) > 0.9
     one = {"order": 3, "torque": "50 mN*m"}
@@ -279,7 +279,7 @@ def test_a_law_of_hall_sensors_without_an_order_of_the_torque_is_not_worth_it(tm
     numbers = {"pole_pairs": 15, "kv": 16, "resistance": 0.4}
     _, draft = drafts.written(tmp_path, drafts.request("hub", "odrive", "hall", **numbers))
     (cure,) = to_dict(draft)["controllers"]["harmonic"]["answer"]["cures"]
-    assert answer(draft).startswith(f"not worth it: {says}; drive.position_sensor = ")
+    assert answer(draft).startswith(f"not worth it: {says}; with drive.position_sensor = ")
     cured = changed(draft, cure)
     assert answer(cured).startswith("yes, ")
     assert ratio(cured) < 0.6 < 0.9 < ratio(draft)

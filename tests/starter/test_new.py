@@ -92,6 +92,31 @@ def test_it_says_why_a_speed_is_not_held(capsys: pytest.CaptureFixture[str]) -> 
     assert max(map(len, out.splitlines())) <= 80
 
 
+def test_it_names_a_number_that_is_unusual_where_the_speed_is_not_held(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With an inertia of the class the speed is held. The resistance is only 3 % beyond its range."""
+    numbers = ("--pole-pairs", 7, "--kv", 30, "--resistance", 12.5, "--current-limit", 1, "--speed", 30)
+    motor = (
+        "--motor",
+        "gimbal",
+        *numbers,
+        "--bus-voltage",
+        15,
+        "--drive",
+        "simplefoc",
+        "--encoder",
+        "as5048",
+    )
+    _, out, _ = cogless(capsys, "new", "light", *motor, "--inertia", "35 g*cm^2")
+    text = " ".join(out.split())
+    assert "harmonic does not hold 30 r/min" in text
+    says = "Check first what is unusual for such a motor: --inertia 35 g*cm^2 (usual: 162 to 540 g*cm^2)."
+    assert says in text and "--resistance" not in text
+    _, out, _ = cogless(capsys, "new", "usual", *motor, "--inertia", "200 g*cm^2")
+    assert "does not hold" not in out and "unusual" not in out
+
+
 MOTORS = "gimbal, drone, direct-drive, hub, servo, spindle, own, nema17, nema23"
 DRIVES = "generic, moteus, odrive, vesc, simplefoc, stepper"
 ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
@@ -153,7 +178,9 @@ def test_all_that_is_missing_is_in_one_line_whose_examples_are_enough(
     code, out, err = cogless(capsys, "new", "mine", *arguments.split())
     assert (code, out, err.count("\n")) == (2, "", 1)
     begin = ", ".join(f"--{flag}" for flag in missing.split())
-    line = re.fullmatch(rf"{begin}: missing: expected such as (.*); cogless new --help lists all\n", err)
+    line = re.fullmatch(
+        rf"{begin}: missing: expected values such as (.*); cogless new --help lists all\n", err
+    )
     assert line is not None, err
     assert re.findall(r"--([a-z-]+)", line[1]) == missing.split()
     assert cogless(capsys, "new", "mine", *arguments.split(), *line[1].split())[0] == 0

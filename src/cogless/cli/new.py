@@ -160,7 +160,7 @@ def new(
     print(f"Wrote {path}.")
     for line in drafted.remarks:
         print("\n".join(_wrapped(line, "", "  ")))
-    _show_ranking(study, drafted.guesses, path)
+    _show_ranking(study, drafted, path)
     if page:
         from cogless.cli.studies import live
 
@@ -254,14 +254,16 @@ def _part(flag: str, name: str | None) -> str:
 
 
 def _check_complete(chosen_parts: Mapping[str, str | None], numbers: Mapping[str, Any]) -> None:
-    """Refuse a command without some of what no guess replaces: a StudyError with all of it, by examples."""
+    """StudyError with an example of each missing option that no guess can replace."""
     own = _needed_numbers(numbers) if chosen_parts["motor"] == "own" else {}
     examples = {flag: EXAMPLES[flag] for flag, name in chosen_parts.items() if name is None}
     examples |= {flag: default for flag, (_, default) in own.items()}
     if examples:
         words = " ".join(f"--{flag} {example}" for flag, example in examples.items())
         missing = ", ".join(f"--{flag}" for flag in examples)
-        raise StudyError(f"{missing}: missing: expected such as {words}; {program()} new --help lists all")
+        raise StudyError(
+            f"{missing}: missing: expected values such as {words}; {program()} new --help lists all"
+        )
 
 
 def _motor_by(numbers: Mapping[str, Any]) -> str | None:
@@ -397,21 +399,26 @@ def _title(path: Path) -> str:
     return words[0].upper() + words[1:]
 
 
-def _show_ranking(study: Study, guesses: Any, path: Path) -> None:
+def _show_ranking(study: Study, drafted: Draft, path: Path) -> None:
     from cogless.starter import rank
 
     with share_progress("Trying the guesses") as report:
-        ranking = rank(study, guesses, report)
-    for line in _ranking_lines(study, ranking, path):
+        ranking = rank(study, drafted.guesses, report)
+    for line in _ranking_lines(study, ranking, path, drafted.unusual):
         print(line)
 
 
-def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
-    """What the command says of a ranking, in lines of at most LINE_COLUMNS."""
+def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence[str]) -> list[str]:
+    """What the command says of a ranking, in lines of at most LINE_COLUMNS.
+
+    `unusual`: the numbers that such a motor seldom has, which matter where the speed is not held.
+    """
     from cogless.design.answers import answer_of
 
     design = answer_of(study, "harmonic")
     lines = ["", *_wrapped(_answer(study, ranking, design))]
+    if unusual and not ranking.learned.holds:
+        lines += _wrapped(f"Check first what is unusual for such a motor: {', '.join(unusual)}.")
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
     if design is not None and design.verdict == "not worth it":  # the guesses are of what harmonic leaves
         effects = []

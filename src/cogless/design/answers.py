@@ -163,7 +163,7 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         worthless = "" if doubt else _not_worth_it(study, at_speeds)
         if orders := _learned_in_vain(study, name):
             worthless, cures = orders, _encoders(study, name)
-            worthless += f"; {either(cures)} would do" if cures else ""
+            worthless += f"; with {either(cures)} it would be worth it" if cures else ""
         if worthless:
             return Answer(
                 "not worth it", worthless, settling=times, left_out=lacks, remaining=at_speeds, cures=cures
@@ -240,7 +240,7 @@ def _learned_in_vain(study: Study, name: str) -> str:
     if not orders or not is_clear or any(own_learner.learns(order) for order in orders):
         return ""
     has = f"order{'s' * (len(orders) > 1)} {', '.join(map(str, orders))}"
-    return f"not worth it: it learns {own_learner.order_words}, but the torque has {has}"
+    return f"not worth it: the law learns {own_learner.order_words}, but the torque has only {has}"
 
 
 def _encoders(study: Study, name: str) -> tuple[Changes, ...]:

@@ -34,6 +34,10 @@ from cogless.study.reading import Changes, Remark
 D_POINTS = 20_001  # i_d for which the largest torque is computed
 WAVE_POINTS = 8  # angles in a wave of the highest order
 LIMIT = "drive.current_loop.current_limit"
+MEASURED_CURRENTS = {
+    "current_max": "the current at its limit with the sensors' noise",
+    "current_sum": "the sum of the phases with the sensors' errors",
+}
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
 LIMITED_SHARE_MOST = 0.1  # largest share of the law's periods that is not warned of
 NOISE_DEVIATIONS, NOISE_POINTS = 5, 100  # standard deviations of a normal distribution, and points for them
@@ -160,7 +164,7 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
 
 
 def noisy_currents(study: Study, scenario: str) -> Remark | None:
-    """Warning of noise of the current sensors that the monitor takes for a fault; None if it does not.
+    """Warning that the monitor may take errors of the current sensors for a fault; None if it does not.
 
     A change that `too_much_current` advises cures this, too, and is enough.
     """
@@ -168,15 +172,18 @@ def noisy_currents(study: Study, scenario: str) -> Remark | None:
     if not trips or (more_current is not None and more_current.cures):
         return None
     bounds = for_scenario(study, scenario).drive.plausible_currents(study.motor.star().phases)
-    reach = ", ".join(f"{key} is {bounds[key]:.3g} A, noise reaches {trips[key]:.3g} A" for key in trips)
-    sentence = f"noise of the current sensors makes the monitor switch the drive off: {reach}"
+    reach = " and ".join(
+        f"{key} is {bounds[key]:.3g} A, but {MEASURED_CURRENTS[key]} reaches {trips[key]:.3g} A"
+        for key in trips
+    )
+    sentence = f"the monitor may switch the drive off without a fault: {reach}"
 
     cures = helping(study, (_wider_bounds(study, scenario),), lambda other: not _trips(other, scenario))
     return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
 
 
 def _wider_bounds(study: Study, scenario: str) -> Changes:
-    """Bounds of the monitor beyond what noise reaches, by key, for those that it exceeds."""
+    """Wider bounds of the monitor, by key, for those that errors of the current sensors reach."""
     return {
         f"drive.monitor.{key}": unit_text(CURRENT_RESERVE * reach, "A")
         for key, reach in _trips(study, scenario).items()
@@ -184,9 +191,9 @@ def _wider_bounds(study: Study, scenario: str) -> Changes:
 
 
 def _trips(study: Study, scenario: str) -> dict[str, float]:
-    """What the sensors' noise and errors reach, A, by the key of each bound of the monitor that it exceeds.
+    """What is measured at the current limit, A, by the key of each bound of the monitor that it exceeds.
 
-    The current vector is at its limit. The sum of three phases is zero but for the errors.
+    The vector has noise. The sum of three phases is that of noise, offsets and gain errors.
     """
     of = for_scenario(study, scenario)
     drive, sensors, phases = of.drive, of.drive.current_sensors, of.motor.star().phases

@@ -26,7 +26,9 @@ from cogless.results.trace import Array
 LOG_BLOCKS = 12
 BLOCK_ROWS_LEAST = 6  # a block has no fewer
 LOG_QUARTERS = 4  # parts of a log, and of its speeds, that are compared with each other
-MOTION_STATES = 2 * LOG_QUARTERS  # of a log's motion: a quarter of its speeds, faster or slower
+MOTION_STATES = (
+    2 * LOG_QUARTERS
+)  # of a log's motion: a quarter of its speeds, with an acceleration above zero or not
 WEIGHING_ROUNDS = 4
 SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
 WELL_POSED = 1e9  # condition of scaled equations, up to which they are inverted
@@ -306,8 +308,8 @@ class Equations:
     def fit(self, instrument: int = WIDE_INSTRUMENT, exact: bool = False) -> Fit:
         """Solve with this one of the acceleration's instruments; each log weighs by its residual.
 
-        `exact`: every block is left out, and states of the motion count; else to first order, without these,
-        which have an error that all instruments share.
+        `exact`: every block is left out, and states of the motion count. Else blocks are left out to first
+        order, without the states: their error is the same with all instruments, so it helps to choose none.
         """
         matrices, vectors = self._with(instrument)
         matrix, vector, values, inverse, weights = self._solved(matrices, vectors)

@@ -7,7 +7,7 @@ import numpy as np
 from cogless.results.trace import Array
 
 REACH_WIDTHS = 4  # widths that a kernel reaches to either side
-SHIFT_ROWS = 8  # rows through which a polynomial has a signal between two of them
+SHIFT_ROWS = 8  # rows of the polynomial that interpolates between two rows
 ANSWER_ROWS = 8  # in which a law's current follows the angle
 
 
@@ -64,7 +64,7 @@ def shifted(x: Array, rows: float) -> Array:
 
 
 def _polynomial(place: float) -> Array:
-    """Weights by which a polynomial through SHIFT_ROWS rows has its value at a place among them, in rows."""
+    """Weights of SHIFT_ROWS rows for the interpolated value at a place, in rows from the first."""
     others = np.arange(SHIFT_ROWS)
     factors = [np.delete(others, row) for row in others]
     return np.array([np.prod((place - rest) / (row - rest)) for row, rest in enumerate(factors)])

@@ -428,10 +428,10 @@ def check_wavelength(
 
     A factor of 2 maps the motor's orders onto each other, but the probe has orders 1, 2 and 4 alone. With a
     turn of half the length, order 8 of the axis changes and order 1 does not; with twice the length, order
-    1/2 does and order 4 does not. Order 1/2 would then change as much as order 1, which is known from it if
-    order 4 is lost in noise. `twice`: the blocks of orders of twice the wavelength.
+    1/2 does and order 4 does not. So order 8 is compared with order 1, and order 1/2 with the mean of orders
+    4 and 1. `twice`: the blocks of orders of twice the wavelength.
 
-    StudyError: that change is larger by more than noise may add.
+    StudyError: order 8, or 1/2, changes more than that, beyond what noise may add.
     """
     remark = ""
     for factor, runs, orders, other_order in ((0.5, own, (1,), 8), (2.0, twice, (8, 2), 1)):

@@ -1,10 +1,6 @@
-"""Still pictures as PNG files, of scenarios of speed and of trials.
+"""Still pictures as PNG files, drawn from the page's charts.
 
-Still pictures as PNG files: plots in rows and columns, from the page's charts.
-
-Still pictures of a speed scenario: waveforms, order spectra, learned maps.
-
-Still pictures of a trial scenario: RMS over trials, chosen trials, certificates.
+Of speed: waveforms, order spectra, learned maps. Of trials: RMS over trials, chosen trials, certificates.
 """
 
 from __future__ import annotations

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cogless import units
-from cogless.starter.amounts import SHORT_UNITS, amount, digits
+from cogless.starter.amounts import SHORT_UNITS, amount, digits, span
 from cogless.starter.motor_rules import is_balanced
 from cogless.starter.motor_sections import MotorFacts
 from cogless.starter.request import NUMBERS, Request
 from cogless.units import Dimension
 
-UNLIKELY_FACTOR = 50.0  # beyond an end of the class's range
+UNUSUAL_FACTOR = 2.0  # beyond an end of the class's range
+UNLIKELY_FACTOR = 50.0  # beyond it, with which a number is doubted
 LIKELY_FACTOR = 5.0  # within which another unit is what was meant
 OTHER_UNITS: dict[Dimension, tuple[str, ...]] = {units.INERTIA: ("kg*m^2", "kg*cm^2", "g*cm^2")}
 OF_THE_SIZE = ("rated-torque", "holding-torque", "rated-current")
@@ -28,6 +29,16 @@ def doubts(request: Request, motor: MotorFacts) -> list[str]:
         if flag in request.numbers and (text := _doubt(request, motor, flag, low, high))
     )
     return [*filter(None, [next(numbers, ""), _slots_doubt(request, motor)])]
+
+
+def unusual(request: Request, motor: MotorFacts) -> list[str]:
+    """The numbers that are far from what motors of this class and size have, with that range."""
+    return [
+        f"--{flag} {answer.text} (usual: {span(low, high, NUMBERS[flag].dimension, _unit(answer.text))})"
+        for flag, (low, high) in _usual(request, motor).items()
+        if (answer := request.numbers.get(flag)) is not None
+        and not low / UNUSUAL_FACTOR <= _value(request, motor, flag) <= high * UNUSUAL_FACTOR
+    ]
 
 
 def _usual(request: Request, motor: MotorFacts) -> dict[str, tuple[float, float]]:
@@ -57,8 +68,7 @@ def _usual(request: Request, motor: MotorFacts) -> dict[str, tuple[float, float]
 
 def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: float) -> str:
     answer, dimension = request.numbers[flag], NUMBERS[flag].dimension
-    between = request.between_terminals(flag)
-    value = between.value if between is not None and motor.phases == STAR_PHASES else answer.value
+    value = _value(request, motor, flag)
     if low / UNLIKELY_FACTOR <= value <= high * UNLIKELY_FACTOR:
         return ""
     ratio = value / high if value > high else low / value
@@ -70,6 +80,20 @@ def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: flo
         f'--{flag}: "{answer.text}": {digits(ratio, 2)} {times_beyond} usual value {whose}, {extreme}'
         f"{f'; perhaps you mean {meant}' if meant else ''}"
     )
+
+
+def _value(request: Request, motor: MotorFacts, flag: str) -> float:
+    """What was given, SI; of a resistance or an inductance of three phases that between two terminals."""
+    between = request.between_terminals(flag)
+    if between is not None and motor.phases == STAR_PHASES:
+        return between.value
+    return request.numbers[flag].value
+
+
+def _unit(text: str) -> str:
+    """The unit of a number; "" if it has none."""
+    match = units.NUMBER_AND_UNIT.fullmatch(text)
+    return match.group(2) if match is not None else ""
 
 
 def _meant(text: str, dimension: Dimension, low: float, high: float) -> str:

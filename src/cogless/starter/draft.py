@@ -22,7 +22,7 @@ from cogless.design.laws.harmonic import certificate, rival_bases, unlearned_ord
 from cogless.design.settling import settling
 from cogless.run.simulate import rollout
 from cogless.starter.amounts import amount, digits, exact_rate
-from cogless.starter.doubts import doubts
+from cogless.starter.doubts import doubts, unusual
 from cogless.starter.motor_rules import KV_TO_TORQUE
 from cogless.starter.motor_sections import (
     MotorFacts,
@@ -90,12 +90,16 @@ LOAD_FACTOR = 3.0  # times the guessed rotor's inertia, for a load that nobody s
 
 @dataclass(frozen=True, kw_only=True)
 class Draft:
-    """The text of a study, and its guesses; remarks and doubts about what was asked, in sentences."""
+    """The text of a study, and its guesses; remarks and doubts about what was asked, in sentences.
+
+    `unusual`: the numbers that such a motor seldom has.
+    """
 
     text: str
     guesses: tuple[Guess, ...]
     remarks: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    unusual: tuple[str, ...] = ()
 
     @property
     def tables(self) -> dict[str, Any]:
@@ -252,6 +256,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     sheet = Sheet()
     motor = put_motor(sheet, request, part) if part.layouts else put_step_motor(sheet, request, part)
     sheet.doubts += doubts(request, motor)
+    sheet.unusual += unusual(request, motor)
     _mechanics(sheet, request, motor)
     sensor = parts("encoders")[request.encoder]
     voltage = _voltage(request, motor, drive)
@@ -270,6 +275,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
         guesses=tuple(sheet.guesses),
         remarks=tuple(sheet.remarks),
         doubts=tuple(sheet.doubts),
+        unusual=tuple(sheet.unusual),
     )
 
 

@@ -55,12 +55,14 @@ class Sheet:
     """Sections in the order of the file, and the guesses in them.
 
     `remarks`: sentences on how a number was understood. `doubts`: warnings of numbers that are unlikely.
+    `unusual`: numbers that such a motor seldom has.
     """
 
     sections: list[Section] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
+    unusual: list[str] = field(default_factory=list)
 
     def section(self, heading: str) -> Section:
         self.sections.append(Section(heading))

@@ -60,11 +60,11 @@ class Monitor(Table):
     """Time of full current after which an angle that stands still counts as stuck. Default: 100 ms. It is
     longer if a tenth of the largest torque takes longer to turn the inertia by a step of the sensor."""
     current_max: CurrentMagnitude | None = None  # A
-    """Largest plausible length of the current vector. Default: twice `current_limit`, and at least that and
-    what noise of the current sensors reaches."""
+    """Largest plausible length of the current vector. Default: twice `current_limit`. If noise of the current
+    sensors is large: `current_limit` plus six standard deviations of it."""
     current_sum: CurrentMagnitude | None = None  # A
     """Largest plausible $|i_a + i_b + i_c|$. Default with three sensors: half of `current_limit`, and at
-    least what their noise reaches; else not watched."""
+    least six standard deviations of the noise of the sum. Else it is not watched."""
     bridge: Time | None = None  # s
     """Longest time for which a missing angle is extrapolated. Default: 5 ms."""
     hold: Time | None = None  # s
@@ -283,7 +283,8 @@ class Inverter(Table):
     """Time for which both transistors of a leg are off at each switching."""
     minimum_pulse: Time = 0.0  # s
     """[Shortest time](/theory/inverter.md#minimum-pulse) for which a transistor may be on in half a PWM
-    period. If it would be on for less, it stays off, and the other one of its leg on. Default: no limit."""
+    period, or in a whole one with `pwm = "edge"`. If it would be on for less, it stays off, and the other one
+    of its leg stays on. Default: no limit."""
     device_drop: VoltageMagnitude = 0.0  # V
     """Voltage across the transistor or diode of a leg that conducts."""
     computation_delay: Literal[0, 1] = 1  # current-loop samples
@@ -530,7 +531,7 @@ class Drive(Table):
         return limit * max(1.0, REACH_SHARE * math.sqrt(1 - d**2) * (1 - saliency * d))
 
     def current_noise(self, phases: int) -> dict[str, float]:
-        """What noise of the current sensors reaches, A, by the monitor's bounds.
+        """Six standard deviations of the current sensors' noise, A, for each bound of the monitor.
 
         The vector's is that of its noisiest direction. With two sensors the third phase has noise of both.
         """

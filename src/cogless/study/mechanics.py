@@ -243,8 +243,8 @@ class Belt(Table):
     pitch: Length = 2e-3  # m
     """Length of a tooth of the belt."""
     mass: CarriageMass  # kg
-    """Mass of the carriage and of all that moves with it. For CoreXY: half of what moves along x, or along
-    y."""
+    """Mass of the carriage and of all that moves with it. For an axis of a CoreXY printer: half of the mass
+    that moves along this axis."""
     resonance: Frequency | None = None  # Hz
     """Frequency at which the carriage swings on its belt while the motor's shaft is held. Give this or
     `stiffness`. The resonance that an input shaper measures is another: the motor's field gives way there."""
