@@ -121,7 +121,7 @@ def test_a_long_trace_is_thinned_as_a_whole_one(long: Trace) -> None:
         view = waveforms.View(span, points)
         whole, step = thin(long["omega_m"][view.rows(long)], points)
         assert np.array_equal(view.thinned(long, lambda rows: long.part("omega_m", rows)), whole)
-        assert view.grid(long)["step"] == pytest.approx(step * 1e-3)
+        assert view.grid(long).step == pytest.approx(step * 1e-3)
 
 
 def test_what_is_searched_in_a_long_trace(long: Trace) -> None:

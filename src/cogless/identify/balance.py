@@ -30,7 +30,8 @@ ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own whe
 KERNEL_WIDTH = 6e-3  # s, before the noises are known
 CREEP_SHARE = 0.05  # share of a log's median speed
 STILL_DEVIATIONS = 3  # standard deviations of an angle's change, within which the rotor may stand
-STANDING_ROWS_LEAST = 1  # whole rows of a rotor that stands, from which on they tell its friction
+LOG_BLOCKS = 12  # of a log, which a jackknife leaves out one by one
+STANDING_ROWS_LEAST = 1  # rows of a rotor that stands, which tell its friction when any block is left out
 WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
 WIDTH_ROWS = 1.5  # smallest width of a kernel: a wave of SEEN_PHASE has an alias below a ten-thousandth of it
 MEAN_WIDTH_ROWS = 2.5  # that of mean currents, which show a faster wave too small
@@ -208,7 +209,8 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     if "c" in model.columns:  # while a rotor stands, its friction is less than Coulomb's
         resolved = max(sensor.step, STILL_DEVIATIONS * float(np.sqrt(2 * noise)))
         sticking = filtered(way * _standing(turned, resolved, max(creeping, 1e-9) * dt, width / dt))
-        if np.sum(sticking[free] ** 2) > STANDING_ROWS_LEAST:
+        rows = [float(np.sum(part**2)) for part in np.array_split(sticking[free], LOG_BLOCKS)]
+        if sum(rows) - max(rows) > STANDING_ROWS_LEAST:
             columns["sticking", log.name] = sticking
     at = (kernel.half + step * np.arange(count)).astype(np.float64)
     middle = turned[kernel.half : kernel.half + step * count : step]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
-from cogless.identify.balance import Model, Rows, Sensor
-from cogless.identify.jackknife import BLOCK_ROWS_LEAST, LOG_BLOCKS, Fit
+from cogless.identify.balance import LOG_BLOCKS, Model, Rows, Sensor
+from cogless.identify.jackknife import BLOCK_ROWS_LEAST, Fit
 from cogless.results.trace import Array
 from cogless.units import TURN
 

@@ -20,10 +20,9 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from cogless.errors import StudyError
-from cogless.identify.balance import LADDER, WIDE_INSTRUMENT, Name, Rows, all_names
+from cogless.identify.balance import LADDER, LOG_BLOCKS, WIDE_INSTRUMENT, Name, Rows, all_names
 from cogless.results.trace import Array
 
-LOG_BLOCKS = 12
 BLOCK_ROWS_LEAST = 6  # a block has no fewer
 LOG_QUARTERS = 4  # parts of a log, and of its speeds, that are compared with each other
 MOTION_STATES = (
