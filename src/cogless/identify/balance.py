@@ -203,12 +203,13 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     noise = angle_noise(log, stretch, sensor.step)
     share = np.minimum(1.0, moved) * noise  # slower, the steps are a sawtooth
     derived = {("j",): kernel.acceleration, ("b",): kernel.speed}
-    creeping = CREEP_SHARE * float(np.median(np.abs(slow)))  # at a reversal friction is not that of sliding
-    slowest = max(_slowest(sensor.step, REACH_WIDTHS * width), creeping, 1e-9)
+    # at a reversal friction is not that of sliding
+    creeping = max(CREEP_SHARE * float(np.median(np.abs(slow))), 1e-9)
+    slowest = max(_slowest(sensor.step, REACH_WIDTHS * width), creeping)
     free = (np.abs(rubbing) > 0.999) & (np.abs(omega) > slowest)
     if "c" in model.columns:  # while a rotor stands, its friction is less than Coulomb's
         resolved = max(sensor.step, STILL_DEVIATIONS * float(np.sqrt(2 * noise)))
-        sticking = filtered(way * _standing(turned, resolved, max(creeping, 1e-9) * dt, width / dt))
+        sticking = filtered(way * _standing(turned, resolved, creeping * dt, width / dt))
         rows = [float(np.sum(part**2)) for part in np.array_split(sticking[free], LOG_BLOCKS)]
         if sum(rows) - max(rows) > STANDING_ROWS_LEAST:
             columns["sticking", log.name] = sticking
