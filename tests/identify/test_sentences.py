@@ -211,10 +211,10 @@ def test_orders_that_no_log_shows_are_named_with_the_speed_at_which_one_would(kn
     assert set(made.values) == set(values)
     (line,) = left
     assert (
-        line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed; order 24 of the motor "
-        "needs 3 rev/s."
+        line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed. A motor of 4 pole pairs "
+        "may cog at order 48, too, which needs 1.5 rev/s."
     )
-    just = 80 * 6.25 / 24  # what is advised has a tenth to spare
+    just = 80 * 6.25 / 48  # what is advised has a tenth to spare
     assert isinstance(line, Advice) and line.cures[0]["record.speed"] == pytest.approx(0.9 * just)
     held: list[str] = []
     findings.without_nonsense(estimate(known, logs=(turning(80.0), log(dt=0.0, theta=0.0))), held)

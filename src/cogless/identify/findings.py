@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
-from cogless.identify.balance import WAVE_RATE_SHARE, Model, Rows, narrowest_width
-from cogless.identify.cogging_orders import BLUR_PHASE
+from cogless.identify.balance import BLUR_PHASE, WAVE_RATE_SHARE, Model, Rows, narrowest_width
+from cogless.identify.cogging_orders import ORDER_HIGHEST
 from cogless.identify.config import Identification
 from cogless.identify.jackknife import Fit, fit, jackknife
 from cogless.identify.log import Log
@@ -453,7 +453,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
 
 
 def _out_of_sight(estimate: Estimate) -> list[str]:
-    """A sentence on the motor's own orders that no log shows, and how one would."""
+    """A sentence on the highest order at which such a motor may cog and that no log shows, and how one would."""
     moving = [log for log in estimate.logs if log.dt]
     if len(moving) < len(estimate.logs) or not moving:
         return []
@@ -461,10 +461,9 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
     turning = max(1e-9, speed(log))
     highest = BLUR_PHASE / (estimate.model.width(log) * turning)
     poles = estimate.identification.motor.pole_pairs
-    hidden = [n for n in (2 * poles, 6 * poles) if n > highest]
-    if not hidden:
+    order = max((n for n in (2 * poles, 6 * poles, 12 * poles) if highest < n <= ORDER_HIGHEST), default=0)
+    if not order:
         return []
-    order = max(hidden)
     slower = SPARE_SPEED * turning * highest / order
     cures = [recording(speed=slower, log=log.name)]
     needs = f"{slower / TURN:.2g} rev/s"
@@ -476,7 +475,7 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
     return [
         Advice(
             f"{log.name}: orders are seen up to {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest "
-            f"speed; order {order} of the motor needs {needs}.",
+            f"speed. A motor of {poles} pole pairs may cog at order {order}, too, which needs {needs}.",
             *cures,
         )
     ]
