@@ -429,6 +429,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
     cogging, sideband_remarks = _without_sidebands(estimate, cogging)
     left_out += sideband_remarks
     left_out += _out_of_sight(estimate)
+    unknown: tuple[Wave, ...] = ()
     if any(wave.order == poles for wave in cogging) and estimate.offsets is None:
         left_out.append(
             Advice(
@@ -437,6 +438,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
                 logs_of_kind("bridge-off"),
             )
         )
+        unknown = tuple(wave for wave in cogging if wave.order == poles)
         cogging = tuple(wave for wave in cogging if wave.order != poles)
     current = float(np.mean([abs(np.mean(stretch.y)) for stretch in estimate.rows])) if estimate.rows else 0.0
     if not any(log.dt for log in estimate.logs) and any(wave.order == 6 * poles for wave in cogging):
@@ -449,11 +451,11 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
             )
         )
     sentences = tuple(dict.fromkeys(left_out))
-    return replace(estimate, values=values, cogging=cogging, left_out=sentences)
+    return replace(estimate, values=values, cogging=cogging, of_unknown_cause=unknown, left_out=sentences)
 
 
 def _out_of_sight(estimate: Estimate) -> list[str]:
-    """A sentence on the highest order at which such a motor may cog and that no log shows, and how one would."""
+    """A sentence on the highest order at which such a motor may cog, if no log shows it; with its cures."""
     moving = [log for log in estimate.logs if log.dt]
     if len(moving) < len(estimate.logs) or not moving:
         return []
