@@ -83,8 +83,8 @@ def motors_of(seed: int) -> list[plant.Motor]:
     return [plant.drawn(kind, random) for kind in plant.KINDS]
 
 
-def compared(seed: int, motor: plant.Motor, raw: plant.Raw, rate: float) -> dict[str, float]:
-    """Predicted over measured ripple, without and with the table."""
+def compared(seed: int, motor: plant.Motor, raw: plant.Raw, rate: float) -> tuple[Estimate, dict[str, float]]:
+    """The estimate, and predicted over measured ripple without and with the table."""
     logs = {
         name: plant.rows_of(signals, motor, rate, 0.0, seed + n)
         for n, (name, signals) in enumerate(raw.items())
@@ -99,7 +99,7 @@ def compared(seed: int, motor: plant.Motor, raw: plant.Raw, rate: float) -> dict
     ratios = {name: ripples[name] / plants[name] for name in ripples}
     texts = (f"{name} {plants[name]:8.3g} r/min, predicted {ratios[name]:5.2f}" for name in ratios)
     print(f"{seed} {motor.kind:8} {'; '.join(texts)}", flush=True)
-    return ratios
+    return estimate, ratios
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -108,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rate", type=float, default=1000.0, help="rows a second")
     options = parser.parse_args(arguments)
     ratios = [
-        compared(seed, motor, raw, options.rate)
+        compared(seed, motor, raw, options.rate)[1]
         for seed in options.seeds
         for motor, raw in zip(motors_of(seed), plant.simulated(motors_of(seed), seed), strict=True)
     ]
