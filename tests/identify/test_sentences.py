@@ -910,12 +910,12 @@ def test_bars_of_an_estimate_are_as_long_as_the_waves(known: Identification) -> 
     ]
     assert [*drawn] == ["24", "72", "1"]
     assert all(parts[0][0] == "var(--c1)" and "var(--c1) 35%" in parts[1][0] for parts in drawn.values())
-    assert "Cogging by mechanical order, with errors" in page and "Ripple of K_t" not in page
+    assert "Cogging by mechanical order, with errors" in page and "K_t ripple" not in page
     assert "Encoder&#x27;s error by mechanical order" in page
     # 0.05 +- 0.01 A times 0.3 N m/A, in mN m
     assert [row[-1] for row in cells(page)[:3]] == ["15 +- 3 mN m", "9 mN m", "0.2 deg"]
     share = identified.render(Identified(estimate(known, ripple=(wave(6, 0.02, 0.005),)), {}))
-    assert "Ripple of K_t by mechanical order" in share and "<td>2 +- 0.5 %</td>" in share
+    assert "K_t ripple by mechanical order" in share and "<td>2 +- 0.5 %</td>" in share
     assert bars(identified.render(Identified(estimate(known, ripple=(wave(6, 0.01, 0.03),)), {})))["6"] == [
         ("var(--c1)", 0.0), (identified.ERROR_COLOUR, 100.0)
     ]  # fmt: skip
