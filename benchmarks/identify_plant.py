@@ -53,7 +53,10 @@ SIZES = (1.3, 0.6, 0.3)  # of the cogging, in frictions
 
 @dataclass(frozen=True)
 class Motor:
-    """A motor and its drive, SI. `flux`: K_t's ripple as a share. `offset`: of i_q, of order p, A."""
+    """A motor and its drive, SI.
+
+    `flux`: K_t's ripple as a share. `offset`: of i_q, of order p, A. `table`: current that the law adds, A.
+    """
 
     kind: str
     poles: int
@@ -73,6 +76,7 @@ class Motor:
     limit: float
     noise: float  # A rms
     speeds: tuple[float, float]  # slow and fast, rev/s
+    table: tuple[Wave, ...] = ()
 
     @property
     def delay(self) -> float:
@@ -170,7 +174,7 @@ def _integrated(pairs: Sequence[tuple[Motor, Run]], random: np.random.Generator)
     def column(name: str) -> Array:
         return np.array([getattr(motor, name) for motor in motors], dtype=float)
 
-    groups = ("cogging", "flux", "friction_waves", "encoder", "offset")
+    groups = ("cogging", "flux", "friction_waves", "encoder", "offset", "table")
     widths = {name: max(1, *(len(_waves(m, name)) for m in motors)) for name in groups}
     edges = np.cumsum([0, *widths.values()])
     orders, sizes, phases = (np.zeros((edges[-1], count)) for _ in range(3))
@@ -206,7 +210,8 @@ def _integrated(pairs: Sequence[tuple[Motor, Run]], random: np.random.Generator)
             speed = slow * speed + (1 - slow) * moved
             error = reference[row // LAW] - speed
             integral = integral + LAW * STEP * gain * SPEED_BANDWIDTH / 4 * error
-            asked = np.clip(gain * error + integral, -limit, limit)
+            added = sizes[part["table"]] * np.sin(orders[part["table"]] * measured + phases[part["table"]])
+            asked = np.clip(gain * error + integral + added.sum(0), -limit, limit)
         log["theta"][row], log["i_q"][row], log["omega"][row] = measured, lagged, speed
         middle = theta + 0.5 * STEP * omega
         after = asked + (lagged - asked) * decay

@@ -15,7 +15,9 @@ from cogless.identify import config, plan
 from cogless.identify.config import Identification, LogRule
 from cogless.identify.described import (
     drive,
+    mechanics,
     metrics,
+    motor,
     replayable,
     scenario,
     scenario_name,
@@ -27,6 +29,7 @@ from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value, Wave
 from cogless.study.drive import Drive
 from cogless.study.mechanics import Mechanics
+from cogless.study.motor import Motor
 from cogless.study.numerics import steps_needed
 
 REVERSED = {
@@ -252,3 +255,40 @@ def test_the_engine_has_steps_for_the_fastest_speed_of_all(known: Identification
     begins.signals["theta"][:10] -= 5000.0 * DT * np.arange(10)
     begins.signals["theta"][10:] -= 5000.0 * DT * 10
     assert steps(begins) == needed(4998.0)
+
+
+def test_all_that_was_measured_is_in_the_study(known: Identification) -> None:
+    """K_t is 0.3 N m/A. A wave of the pole pairs is cogging there, whatever its cause."""
+    log = turning("slow.csv", known.log[0])
+    values = {key: Value(value, 1e-3) for key, value in {"j": 1e-3, "c": 0.1, "offset": -0.02}.items()}
+    falling = {"stribeck": Value(0.05, 0.01), "stribeck_speed": Value(3.0, 0.5)}
+    made = estimate(
+        known,
+        log,
+        values=values | falling,
+        friction=(Wave(1, Value(0.04, 0.01), Value(0.5, 0.1)),),
+        of_unknown_cause=(Wave(4, Value(0.01, 0.001), Value(-1.0, 0.1)),),
+        loads={"slow.csv": Value(0.5, 0.1)},
+    )
+    masses = Mechanics.model_validate(mechanics(made))
+    assert masses.coulomb_friction == pytest.approx(0.03) and masses.breakaway == pytest.approx(0.045)
+    assert masses.stribeck_speed == pytest.approx(3.0)
+    (harmonic,) = masses.friction_harmonics
+    assert (harmonic.order, harmonic.torque, harmonic.phase) == (
+        1,
+        pytest.approx(0.012),
+        pytest.approx(0.5, rel=1e-4),
+    )
+    assert masses.load.torque == pytest.approx(-0.006)
+    assert scenario(made, log)["load"] == "0.144 N*m"
+    (cogging,) = Motor.model_validate(motor(made)).cogging
+    assert (cogging.order, cogging.torque) == (4, pytest.approx(0.003))
+
+
+def test_what_would_drive_the_rotor_or_is_not_clear_is_not_in_the_study(known: Identification) -> None:
+    values = {"j": Value(1e-3, 1e-5), "c": Value(0.1, 0.01), "offset": Value(0.02, 0.03)}
+    wave = Wave(1, Value(0.11, 0.01), Value(0.5, 0.1))
+    table = mechanics(estimate(known, values=values, friction=(wave,)))
+    assert table == {"inertia": "0.0003 kg*m^2", "coulomb_friction": "0.03 N*m"}
+    without = {"j": Value(1e-3, 1e-5), "stribeck": Value(0.05, 0.01), "stribeck_speed": Value(3.0, 0.5)}
+    assert mechanics(estimate(known, values=without)) == {"inertia": "0.0003 kg*m^2"}

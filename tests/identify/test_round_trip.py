@@ -134,7 +134,7 @@ def test_the_report_says_what_was_found(chain):
     for text in ("inertia over K_t", "Measured over simulated", "load-backwards", "predicted by the others"):
         assert text in page
     found = json.loads((chain / "found/identified.json").read_text())
-    kinds = {"cogging": "Cogging", "torque_constant_ripple": "Ripple of K_t",
+    kinds = {"cogging": "Cogging", "torque_constant_ripple": "K_t ripple",
              "encoder": "Encoder&#x27;s error"}  # fmt: skip
     for kind, title in kinds.items():
         drawn = re.findall(rf"<h3>{title} by mechanical order.*?</table>", page, re.DOTALL)

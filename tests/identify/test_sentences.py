@@ -211,10 +211,10 @@ def test_orders_that_no_log_shows_are_named_with_the_speed_at_which_one_would(kn
     assert set(made.values) == set(values)
     (line,) = left
     assert (
-        line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed; order 24 of the motor "
-        "needs 3 rev/s."
+        line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed. A motor of 4 pole pairs "
+        "may cog at order 48, too, which needs 1.5 rev/s."
     )
-    just = 80 * 6.25 / 24  # what is advised has a tenth to spare
+    just = 80 * 6.25 / 48  # what is advised has a tenth to spare
     assert isinstance(line, Advice) and line.cures[0]["record.speed"] == pytest.approx(0.9 * just)
     held: list[str] = []
     findings.without_nonsense(estimate(known, logs=(turning(80.0), log(dt=0.0, theta=0.0))), held)
@@ -910,12 +910,12 @@ def test_bars_of_an_estimate_are_as_long_as_the_waves(known: Identification) -> 
     ]
     assert [*drawn] == ["24", "72", "1"]
     assert all(parts[0][0] == "var(--c1)" and "var(--c1) 35%" in parts[1][0] for parts in drawn.values())
-    assert "Cogging by mechanical order, with errors" in page and "Ripple of K_t" not in page
+    assert "Cogging by mechanical order, with errors" in page and "K_t ripple" not in page
     assert "Encoder&#x27;s error by mechanical order" in page
     # 0.05 +- 0.01 A times 0.3 N m/A, in mN m
     assert [row[-1] for row in cells(page)[:3]] == ["15 +- 3 mN m", "9 mN m", "0.2 deg"]
     share = identified.render(Identified(estimate(known, ripple=(wave(6, 0.02, 0.005),)), {}))
-    assert "Ripple of K_t by mechanical order" in share and "<td>2 +- 0.5 %</td>" in share
+    assert "K_t ripple by mechanical order" in share and "<td>2 +- 0.5 %</td>" in share
     assert bars(identified.render(Identified(estimate(known, ripple=(wave(6, 0.01, 0.03),)), {})))["6"] == [
         ("var(--c1)", 0.0), (identified.ERROR_COLOUR, 100.0)
     ]  # fmt: skip

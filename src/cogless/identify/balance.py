@@ -33,7 +33,9 @@ STILL_DEVIATIONS = 3  # standard deviations of an angle's change, within which t
 LOG_BLOCKS = 12  # of a log, which a jackknife leaves out one by one
 STANDING_ROWS_LEAST = 1  # rows of a rotor that stands, which tell its friction when any block is left out
 WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
-WIDTH_ROWS = 1.5  # smallest width of a kernel: a wave of SEEN_PHASE has an alias below a ten-thousandth of it
+BLUR_PHASE = 3.0  # rad that a wave turns in a width of the kernel, which leaves a hundredth of it
+# smallest width of a kernel: SEEN_PHASE passes as BLUR_PHASE, and its alias is below .2 %
+WIDTH_ROWS = BLUR_PHASE / SEEN_PHASE
 MEAN_WIDTH_ROWS = 2.5  # that of mean currents, which show a faster wave too small
 Name = tuple[str | int, ...]
 Filter = Callable[..., Array]

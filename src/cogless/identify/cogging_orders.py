@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
-from cogless.identify.balance import LOG_BLOCKS, Model, Rows, Sensor
+from cogless.identify.balance import BLUR_PHASE, LOG_BLOCKS, Model, Rows, Sensor
 from cogless.identify.jackknife import BLOCK_ROWS_LEAST, Fit
 from cogless.results.trace import Array
 from cogless.units import TURN
@@ -20,7 +20,6 @@ NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their gain over the stro
 BLOCK_SHARE = 1e-3  # information on an order over the largest block's, from which on a block counts
 BLOCKS_LEAST = 4
 STEP_SHARE = 0.1  # of the sensor's steps: rows fold these into orders of about this size, which repeat
-BLUR_PHASE = 3.0  # rad that a wave turns in a width of the kernel, which leaves a hundredth of it
 ORDER_CHANCE = FALSE_ALARM / ORDER_HIGHEST  # Bonferroni
 
 

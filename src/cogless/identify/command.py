@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from cogless.errors import StudyError
 from cogless.identify import config, write
@@ -12,7 +13,7 @@ from cogless.identify.config import Identification
 from cogless.identify.estimate import CLEAR_ERRORS, Progress, estimate_motor
 from cogless.identify.log import Log, load_logs
 from cogless.identify.replay import refined
-from cogless.identify.result import Estimate, Wave
+from cogless.identify.result import Estimate
 from cogless.identify.sessions import sentences, sessions
 from cogless.results.trace import Trace
 from cogless.units import DEGREE
@@ -53,21 +54,12 @@ def lines(estimate: Estimate) -> list[str]:
             by_torque = write.value_text(value.times(estimate.K_t), torque)
             more = f"  {name.replace('_', ' ')} {by_torque}" if name else ""
             texts.append(f"{description:<30} {write.value_text(value, unit)}{more}")
-    for kind, waves, factor, unit in _kinds(estimate):
-        for wave in waves:
+    for kind, name, factor, unit in estimate.kinds:
+        for wave in estimate.waves(name):
             size, phase = wave.size.times(factor), wave.phase.times(1 / DEGREE)
             size_and_phase = f"{write.value_text(size, unit)}, phase {write.value_text(phase, 'deg')}"
             texts.append(f"{f'{kind}, order {wave.order}':<30} {size_and_phase}")
     return texts
-
-
-def _kinds(estimate: Estimate) -> tuple[tuple[str, tuple[Wave, ...], float, str], ...]:
-    """What has orders: its name, waves, and the factor to a unit."""
-    return (
-        ("cogging", estimate.cogging, 1e3 * estimate.K_t, "mN*m"),
-        ("K_t ripple", estimate.ripple, 100.0, "%"),
-        ("encoder's error", estimate.encoder, 1 / DEGREE, "deg"),
-    )
 
 
 def standing_out(estimate: Estimate) -> Estimate:
@@ -77,16 +69,17 @@ def standing_out(estimate: Estimate) -> Estimate:
     any order, so it must stand out at the chance of a search of all of them. A sentence names those that may
     be larger than one that stays. An error of the encoder stays where the file of columns tells another.
     """
-    clear_waves, remarks = [], []
-    for kind, waves, factor, unit in _kinds(estimate):
-        clear = CLEAR_ERRORS["cogging"] if waves is estimate.cogging else 1.0
+    clear_waves, remarks = dict[str, Any](), []
+    for kind, name, factor, unit in estimate.kinds:
+        waves = estimate.waves(name)
+        clear = CLEAR_ERRORS["cogging"] if name == "cogging" else 1.0
         stays = tuple(
             wave
             for wave in waves
             if wave.size.value > clear * wave.size.error
-            or (waves is estimate.encoder and estimate.identification.tells_error(wave.order))
+            or (name == "encoder" and estimate.identification.tells_error(wave.order))
         )
-        clear_waves.append(stays)
+        clear_waves[name] = stays
         least = min((wave.size.value for wave in stays), default=0.0)
         bounds = {wave.order: wave.size.value + wave.size.error for wave in waves if wave not in stays}
         large = [order for order, bound in bounds.items() if bound > least]
@@ -96,7 +89,6 @@ def standing_out(estimate: Estimate) -> Estimate:
                 f"{kind[0].upper()}{kind[1:]} of order {orders} is too small for these logs and is left out. "
                 f"It may be up to {max(bounds.values()) * factor:.2g} {unit}."
             )
-    cogging, ripple, encoder = clear_waves
-    return replace(
-        estimate, cogging=cogging, ripple=ripple, encoder=encoder, left_out=(*estimate.left_out, *remarks)
-    )
+    unknown = tuple(wave for wave in estimate.of_unknown_cause if wave.size.value > wave.size.error)
+    left_out = (*estimate.left_out, *remarks)
+    return replace(estimate, **clear_waves, of_unknown_cause=unknown, left_out=left_out)

@@ -27,7 +27,10 @@ PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "
 
 
 def motor(estimate: Estimate) -> dict[str, Any]:
-    """The motor's table: what was known, and cogging and ripple as they were found."""
+    """The motor's table: what was known, and cogging and ripple as they were found.
+
+    What is cogging or an offset of the current is cogging here: measured current and speed are the same.
+    """
     described, star = estimate.identification.tables["motor"], estimate.identification.motor.star()
     described_keys = {key: value for key, value in described.items() if key != "datasheet"}
     psi_f, poles = star.psi_f / star.flux_factor, estimate.identification.motor.pole_pairs
@@ -38,7 +41,7 @@ def motor(estimate: Estimate) -> dict[str, Any]:
                 "torque": f"{1e3 * estimate.K_t * wave.size.value:.5g} mN*m",
                 "phase": f"{np.degrees(wave.phase.value):.5g} deg",
             }
-            for wave in estimate.cogging
+            for wave in (*estimate.cogging, *estimate.of_unknown_cause)
         ],
         "flux_harmonics": [
             {
@@ -53,13 +56,37 @@ def motor(estimate: Estimate) -> dict[str, Any]:
 
 
 def mechanics(estimate: Estimate) -> dict[str, Any]:
-    """Inertia and friction; a friction that can't be told is left out. KeyError: no inertia."""
-    table = {"inertia": f"{estimate.values['j'].times(estimate.K_t).value:.6g} kg*m^2"}
+    """Inertia, friction, and an offset of the current as a load. KeyError: no inertia.
+
+    A friction that can't be told is left out, and what varies of it where it would drive the rotor.
+    """
+    table: dict[str, Any] = {"inertia": f"{estimate.values['j'].times(estimate.K_t).value:.6g} kg*m^2"}
     for key, name, unit in (("c", "coulomb_friction", "N*m"), ("b", "viscous_friction", "N*m*s/rad")):
         torque = estimate.values.get(key, Value(0.0, 0.0)).times(estimate.K_t).value
         if torque > 0:
             table[name] = f"{torque:.6g} {unit}"
+    coulomb, more = (estimate.values.get(key, Value(0.0, 0.0)).value for key in ("c", "stribeck"))
+    if coulomb > 0 < more:
+        table["breakaway_friction"] = f"{estimate.K_t * (coulomb + more):.6g} N*m"
+        table["stribeck_speed"] = f"{estimate.values['stribeck_speed'].value:.5g} rad/s"
+    if estimate.friction and sum(wave.size.value for wave in estimate.friction) < coulomb:
+        table["friction_harmonics"] = [
+            {
+                "order": wave.order,
+                "torque": f"{estimate.K_t * wave.size.value:.5g} N*m",
+                "phase": f"{np.degrees(wave.phase.value):.5g} deg",
+            }
+            for wave in estimate.friction
+        ]
+    if load_or_offset(estimate):
+        table["load"] = f"{estimate.K_t * load_or_offset(estimate):.6g} N*m"
     return table
+
+
+def load_or_offset(estimate: Estimate) -> float:
+    """The offset of i_q, or a load, A; 0: it is not larger than its error."""
+    offset = estimate.values.get("offset", Value(0.0, 0.0))
+    return offset.value if abs(offset.value) > offset.error else 0.0
 
 
 def sensed(estimate: Estimate) -> tuple[Wave, ...]:
@@ -116,7 +143,8 @@ def scenario(estimate: Estimate, log: Log) -> dict[str, Any]:
         "initial_speed": f"{speed:.6g} rad/s",
     }
     if log.name in estimate.loads:
-        keys["load"] = f"{estimate.K_t * estimate.loads[log.name].value:.6g} N*m"
+        load = load_or_offset(estimate) + estimate.loads[log.name].value
+        keys["load"] = f"{estimate.K_t * load:.6g} N*m"
     if log.rule.controller is not None:
         keys["controllers"] = [log.rule.controller]
     return keys

@@ -640,12 +640,15 @@ def with_errors(
 
     poles = drive.poles  # whose order is in the model even where nothing of it shows
     cogging = [n for n in model.cogging if n != poles or fit.chance("cogging", n) < ORDER_CHANCE]
-    single = ("j", "b", "c", "c_hold", "offset")
+    single = ("j", "b", "c", "c_hold", "offset", "stribeck")
     values = {
         str(name[0]): value(name)
         for name in coefficients
         if name[0] in single and (name[0], 0) not in model.untold
     }
+    if "stribeck" in values:
+        speed = model.stribeck
+        values["stribeck_speed"] = Value(speed, speed * (model.stribeck_ratio - 1))
     if delay is not None:
         values["delay"] = delay
     return replace(
@@ -654,6 +657,7 @@ def with_errors(
         cogging=waves("cogging", cogging),
         ripple=waves("ripple", model.ripple),
         encoder=waves("encoder", model.encoder),
+        friction=waves("friction", model.friction),
         loads={str(name[1]): value(name) for name in coefficients if name[0] == "load"},
         model=model,
         rows=state.equations.rows,

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
-from cogless.identify.balance import WAVE_RATE_SHARE, Model, Rows, narrowest_width
-from cogless.identify.cogging_orders import BLUR_PHASE
+from cogless.identify.balance import BLUR_PHASE, WAVE_RATE_SHARE, Model, Rows, narrowest_width
+from cogless.identify.cogging_orders import ORDER_HIGHEST
 from cogless.identify.config import Identification
 from cogless.identify.jackknife import Fit, fit, jackknife
 from cogless.identify.log import Log
@@ -429,6 +429,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
     cogging, sideband_remarks = _without_sidebands(estimate, cogging)
     left_out += sideband_remarks
     left_out += _out_of_sight(estimate)
+    unknown: tuple[Wave, ...] = ()
     if any(wave.order == poles for wave in cogging) and estimate.offsets is None:
         left_out.append(
             Advice(
@@ -437,6 +438,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
                 logs_of_kind("bridge-off"),
             )
         )
+        unknown = tuple(wave for wave in cogging if wave.order == poles)
         cogging = tuple(wave for wave in cogging if wave.order != poles)
     current = float(np.mean([abs(np.mean(stretch.y)) for stretch in estimate.rows])) if estimate.rows else 0.0
     if not any(log.dt for log in estimate.logs) and any(wave.order == 6 * poles for wave in cogging):
@@ -449,11 +451,11 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
             )
         )
     sentences = tuple(dict.fromkeys(left_out))
-    return replace(estimate, values=values, cogging=cogging, left_out=sentences)
+    return replace(estimate, values=values, cogging=cogging, of_unknown_cause=unknown, left_out=sentences)
 
 
 def _out_of_sight(estimate: Estimate) -> list[str]:
-    """A sentence on the motor's own orders that no log shows, and how one would."""
+    """A sentence on the highest order at which such a motor may cog, if no log shows it; with its cures."""
     moving = [log for log in estimate.logs if log.dt]
     if len(moving) < len(estimate.logs) or not moving:
         return []
@@ -461,10 +463,9 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
     turning = max(1e-9, speed(log))
     highest = BLUR_PHASE / (estimate.model.width(log) * turning)
     poles = estimate.identification.motor.pole_pairs
-    hidden = [n for n in (2 * poles, 6 * poles) if n > highest]
-    if not hidden:
+    order = max((n for n in (2 * poles, 6 * poles, 12 * poles) if highest < n <= ORDER_HIGHEST), default=0)
+    if not order:
         return []
-    order = max(hidden)
     slower = SPARE_SPEED * turning * highest / order
     cures = [recording(speed=slower, log=log.name)]
     needs = f"{slower / TURN:.2g} rev/s"
@@ -476,7 +477,7 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
     return [
         Advice(
             f"{log.name}: orders are seen up to {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest "
-            f"speed; order {order} of the motor needs {needs}.",
+            f"speed. A motor of {poles} pole pairs may cog at order {order}, too, which needs {needs}.",
             *cures,
         )
     ]

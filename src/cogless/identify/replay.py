@@ -225,12 +225,16 @@ def _with_remark(estimate: Estimate, remark: str) -> Estimate:
 
 
 def _truth(estimate: Estimate) -> dict[Name, float]:
-    """Coefficients that the simulation has; it logs without delay, and has no offset of i_q.
+    """Coefficients that the simulation has; it logs without delay, and an offset of i_q is a load there.
 
     Those of what is left out of the motor are 0, and so is an error that its sensor can't have.
     """
     truth: dict[Name, float] = {(key,): 0.0 for key in ("b", "c", "delay", "offset")}
     truth |= {(key,): estimate.values[key].value for key in ("j", "b", "c") if key in estimate.values}
+    truth["offset",] = described.load_or_offset(estimate)
+    described_mechanics = described.mechanics(estimate)
+    if "stribeck_speed" in described_mechanics:
+        truth["stribeck",] = estimate.values["stribeck"].value
     truth |= {("load", name): value.value for name, value in estimate.loads.items()}
     searched = (
         ("cogging", estimate.model.cogging),
@@ -241,7 +245,13 @@ def _truth(estimate: Estimate) -> dict[Name, float]:
     for kind, orders in searched:
         truth |= {(kind, order, part): 0.0 for order in orders for part in "cs"}
     sensed = described.sensed(estimate)
-    for kind, waves in (("cogging", estimate.cogging), ("ripple", estimate.ripple), ("encoder", sensed)):
+    simulated_waves = (
+        ("cogging", (*estimate.cogging, *estimate.of_unknown_cause)),
+        ("ripple", estimate.ripple),
+        ("friction", estimate.friction if "friction_harmonics" in described_mechanics else ()),
+        ("encoder", sensed),
+    )
+    for kind, waves in simulated_waves:
         for wave in waves:
             truth[kind, wave.order, "c"] = wave.size.value * float(np.sin(wave.phase.value))
             truth[kind, wave.order, "s"] = wave.size.value * float(np.cos(wave.phase.value))

@@ -10,6 +10,7 @@ from cogless.identify.balance import WIDE_INSTRUMENT, Model, Rows
 from cogless.identify.config import Identification
 from cogless.identify.jackknife import Fit
 from cogless.identify.log import Log
+from cogless.units import DEGREE
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,9 @@ class Wave:
 class Estimate:
     """What the logs tell. Torques are over K_t, in A; `ripple` is a share of K_t.
 
-    A value that can't be told is not in `values`; `left_out` has a sentence on each. `offsets`: of the phase
-    currents, A, as they were taken out of i_q; None: no log tells them.
+    `friction`: how Coulomb's varies with the angle. `of_unknown_cause`: cogging or an offset of the current,
+    which logs show alike. A value that can't be told is not in `values`; `left_out` has a sentence on each.
+    `offsets`: of the phase currents, A, as they were taken out of i_q; None: no log tells them.
     """
 
     identification: Identification
@@ -54,11 +56,28 @@ class Estimate:
     fit: Fit | None = field(repr=False, default=None)
     instrument: int = field(repr=False, default=WIDE_INSTRUMENT)
     offsets: tuple[float, float, float] | None = None
+    friction: tuple[Wave, ...] = ()
+    of_unknown_cause: tuple[Wave, ...] = ()
 
     @property
     def K_t(self) -> float:
         """Torque constant that is taken as known, N*m/A."""
         return self.identification.motor.star().K_t
+
+    @property
+    def kinds(self) -> tuple[tuple[str, str, float, str], ...]:
+        """What has orders: its title, its field here, and the factor to a unit."""
+        return (
+            ("cogging", "cogging", 1e3 * self.K_t, "mN*m"),
+            ("K_t ripple", "ripple", 100.0, "%"),
+            ("friction over the angle", "friction", 1e3 * self.K_t, "mN*m"),
+            ("encoder's error", "encoder", 1 / DEGREE, "deg"),
+        )
+
+    def waves(self, field_name: str) -> tuple[Wave, ...]:
+        """The waves of one of the kinds."""
+        waves: tuple[Wave, ...] = getattr(self, field_name)
+        return waves
 
 
 def wave_of(order: int, cosine: Value, sine: Value) -> Wave:

@@ -26,6 +26,8 @@ VALUE_NAMES = {
     "c_hold": ("friction at rest over K_t", "A", "", "N*m"),
     "b": ("viscous friction over K_t", "A*s/rad", "viscous_friction", "N*m*s/rad"),
     "delay": ("delay of i_q after the angle", "s", "", ""),
+    "stribeck": ("friction more at rest, over K_t", "A", "", "N*m"),
+    "stribeck_speed": ("speed over which it falls", "rad/s", "", ""),
     "offset": ("offset of i_q, or a load", "A", "", ""),
 }
 
@@ -47,7 +49,7 @@ def write_all(estimate: Estimate, folder: Path) -> None:
 def to_dict(estimate: Estimate) -> dict[str, Any]:
     """All values with their errors at 95 %, SI, and every sentence."""
 
-    def waves(identified: Sequence[Wave], factor: float, unit: str) -> list[dict[str, Any]]:
+    def listed(identified: Sequence[Wave], factor: float, unit: str) -> list[dict[str, Any]]:
         return [
             {
                 "order": wave.order,
@@ -70,9 +72,11 @@ def to_dict(estimate: Estimate) -> dict[str, Any]:
             }
             for key, value in estimate.values.items()
         },
-        "cogging": waves(estimate.cogging, estimate.K_t, "_N_m"),
-        "torque_constant_ripple": waves(estimate.ripple, 1.0, ""),
-        "encoder": waves(estimate.encoder, 1.0, "_rad"),
+        "cogging": listed(estimate.cogging, estimate.K_t, "_N_m"),
+        "cogging_or_current_offset": listed(estimate.of_unknown_cause, estimate.K_t, "_N_m"),
+        "torque_constant_ripple": listed(estimate.ripple, 1.0, ""),
+        "friction_over_angle": listed(estimate.friction, estimate.K_t, "_N_m"),
+        "encoder": listed(estimate.encoder, 1.0, "_rad"),
         "loads_N_m": {
             name: {"value": value.value * estimate.K_t, "error": value.error * estimate.K_t}
             for name, value in estimate.loads.items()
@@ -132,14 +136,17 @@ def _head(estimate: Estimate) -> list[str]:
 
 
 def _wave_lines(estimate: Estimate) -> list[str]:
+    """A comment for each wave of the motor."""
+    torque = (1e3 * estimate.K_t, "mN*m")
+    waves = (
+        *(("cogging", wave, *torque) for wave in estimate.cogging),
+        *(("cogging or an offset of the current", wave, *torque) for wave in estimate.of_unknown_cause),
+        *(("K_t ripple", wave, 100.0, "%") for wave in estimate.ripple),
+    )
     return [
-        f"# cogging, order {wave.order}: {value_text(wave.size.times(1e3 * estimate.K_t), 'mN*m')}, "
+        f"# {kind}, order {wave.order}: {value_text(wave.size.times(factor), unit)}, "
         f"phase {value_text(wave.phase.times(1 / DEGREE), 'deg')}"
-        for wave in estimate.cogging
-    ] + [
-        f"# K_t ripple, order {wave.order}: {value_text(wave.size.times(100), '%')}, "
-        f"phase {value_text(wave.phase.times(1 / DEGREE), 'deg')}"
-        for wave in estimate.ripple
+        for kind, wave, factor, unit in waves
     ]
 
 
@@ -167,7 +174,9 @@ def _study(estimate: Estimate) -> str:
         f"# load of {name}: {value_text(v.times(estimate.K_t), 'N*m')}" for name, v in estimate.loads.items()
     ]
     notes += [
-        f"# encoder's error, order {wave.order}: {value_text(wave.size.times(1 / DEGREE), 'deg')}"
-        for wave in estimate.encoder
+        f"# {title}, order {wave.order}: {value_text(wave.size.times(factor), unit)}"
+        for title, name, factor, unit in estimate.kinds
+        for wave in estimate.waves(name)
+        if name in ("friction", "encoder")
     ]
     return "\n".join([*_head(estimate), *notes, "", plan.text(tables)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from functools import partial
@@ -70,27 +69,26 @@ def write_plot(estimate: Estimate, path: Path) -> None:
 
     rows = [
         [Plot(partial(draw, waves, factor), "mechanical order", unit, title)]
-        for title, waves, factor, unit in _kinds(estimate)
+        for title, waves, factor, unit in _shown_kinds(estimate)
     ]
     if rows:
         with matplotlib.rc_context(STYLE):
             save(path, f"{estimate.identification.title}: orders, with errors at 95 %", rows, 1.7, "")
 
 
-def _kinds(estimate: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
+def _shown_kinds(estimate: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
     """What has orders: its title, waves, and the factor to a unit."""
-    kinds = (
-        ("Cogging", estimate.cogging, 1e3 * estimate.K_t, "mN m"),
-        ("Ripple of K_t", estimate.ripple, 100.0, "%"),
-        ("Encoder's error", estimate.encoder, math.degrees(1), "deg"),
-    )
-    return [kind for kind in kinds if kind[1]]
+    return [
+        (title[0].upper() + title[1:], estimate.waves(name), factor, unit.replace("*", " "))
+        for title, name, factor, unit in estimate.kinds
+        if estimate.waves(name)
+    ]
 
 
 def _orders(estimate: Estimate) -> str:
     """A bar for each order; its end is faint where the error leaves it open."""
     text = ""
-    for title, waves, factor, unit in _kinds(estimate):
+    for title, waves, factor, unit in _shown_kinds(estimate):
         rows = []
         top = max(wave.size.value + wave.size.error for wave in waves)
         for wave in waves:
