@@ -276,10 +276,11 @@ class Ensemble:
                 changes |= dict.fromkeys(overrides, values[variant])
         return changes
 
-    def si(self, key: str) -> list[Any]:
-        """The values of a varied key in SI; those that are no quantities unchanged."""
-        axis = next((axis for axis in self.axes if axis.key == key), None)
-        return self.drawn[key] if axis is None else [axis.si(value) for value in self.drawn[key]]
+    @cached_property
+    def si(self) -> dict[str, list[Any]]:
+        """The values of each varied key in SI; those that are no quantities unchanged."""
+        of_axes = {axis.key: list(map(axis.si, self.drawn[axis.key])) for axis in self.axes}
+        return {**self.drawn, **of_axes}
 
 
 def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
