@@ -310,7 +310,6 @@ def run(
 
         parcel = pack(planned.study)
 
-
         def arguments(chunk: int) -> Sequence[Any]:
             return parcel, planned.changes(chunk), planned.pairs
 

@@ -160,11 +160,11 @@ def run_all(
     finished: Callable[[int, T], None],
     expected: str = "enough memory for it",
 ) -> None:
-    """Call work(*arguments(number)) for each task, and `finished` with its number and result, in order of ending.
+    """Call work(*arguments(number)) for each task, and `finished` with its number and result, as they end.
 
-    A task's arguments are made when it is sent, so that waiting tasks take no memory. A task whose worker dies is sent again, and alone, since it may be what kills workers; after the third
-    time it is given up. StudyError: that, with what is `expected` of a task that ends, or a cluster that is
-    gone.
+    A task's arguments are made when it is sent, so that waiting tasks take no memory. A task whose worker
+    dies is sent again, and alone, since it may be what kills workers; after the third time it is given up.
+    StudyError: that, with what is `expected` of a task that ends, or a cluster that is gone.
     """
     waiting = deque(tasks)
     losses = dict.fromkeys(waiting, 0)
