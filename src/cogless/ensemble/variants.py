@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from cogless import units
 from cogless.errors import StudyError
@@ -217,6 +216,8 @@ def _log(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def _normal(mean: float, deviation: float) -> Callable[[Array], Array]:
+    from scipy.special import ndtr, ndtri  # a worker starts sooner without it
+
     edge = float(ndtr(-CUT_DEVIATIONS))
     return lambda share: mean + deviation * ndtri(edge + (1 - 2 * edge) * share)
 
@@ -230,6 +231,8 @@ def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
 
     Each column stays evenly spread; only which values meet is changed.
     """
+    from scipy.special import ndtr, ndtri  # a worker starts sooner without it
+
     correlated = shares.copy()
     assert study.vary is not None
     places = {axis.key: place for place, axis in enumerate(axes)}
