@@ -445,10 +445,11 @@ NB_MODULE(COGLESS_MODULE, m) {
               if (!alike || order < 1 || b.shape(1) != order + 1 || a.shape(1) != order + 1) {
                   throw std::invalid_argument("filtered: expected a row of b, a and state for each of x, and a state shorter by one");
               }
-              std::vector<double> y(x.data(), x.data() + x.size()), now(state.data(), state.data() + state.size());
-              for (std::size_t row = 0; row < rows; ++row) {
+              std::vector<double> y(x.data(), x.data() + x.size());
+              for (std::size_t row = 0; row < rows; row += FILTER_LANES) {
                   const std::size_t at = row * (order + 1);
-                  filter(b.data() + at, a.data() + at, now.data() + row * order, order, y.data() + row * count, count);
+                  filter_rows(b.data() + at, a.data() + at, state.data() + row * order, order, y.data() + row * count,
+                              std::min(FILTER_LANES, rows - row), count);
               }
               return array_of<Array>(std::move(y), {rows, count});
           },

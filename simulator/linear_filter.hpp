@@ -1,18 +1,34 @@
-// A digital filter in the transposed direct form II.
+// Digital filters in the transposed direct form II.
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 namespace cogless {
 
-// Puts x through b(1/z) / a(1/z), whose a[0] is one, in place; all have order + 1 coefficients. state: where it starts, one
-// entry fewer; where it ends, on return.
-inline void filter(const double* b, const double* a, double* state, std::size_t order, double* x, std::size_t count) {
+constexpr std::size_t FILTER_LANES = 8;
+
+// Puts each of the rows of x, at most FILTER_LANES of `count` samples, through its own b(1/z) / a(1/z), whose a[0] is one, in
+// place; a row of b and of a has order + 1 coefficients, one of `state`, where it starts, one fewer. The rows go in step: each
+// sample of one row waits for the sample before, but for no other row.
+inline void filter_rows(const double* b, const double* a, const double* state, std::size_t order, double* x, std::size_t rows,
+                        std::size_t count) {
+    using Lanes = double __attribute__((vector_size(FILTER_LANES * sizeof(double))));
+    std::vector<Lanes> forward(order + 1), back(order + 1), s(order);
+    for (std::size_t row = 0; row < rows; ++row) {
+        for (std::size_t k = 0; k <= order; ++k) {
+            forward[k][row] = b[row * (order + 1) + k];
+            back[k][row] = a[row * (order + 1) + k];
+        }
+        for (std::size_t k = 0; k < order; ++k) s[k][row] = state[row * order + k];
+    }
+    Lanes in{};
     for (std::size_t n = 0; n < count; ++n) {
-        const double in = x[n], out = state[0] + b[0] * in;
-        for (std::size_t k = 1; k < order; ++k) state[k - 1] = state[k] + in * b[k] - out * a[k];
-        state[order - 1] = in * b[order] - out * a[order];
-        x[n] = out;
+        for (std::size_t row = 0; row < rows; ++row) in[row] = x[row * count + n];
+        const Lanes out = s[0] + forward[0] * in;
+        for (std::size_t k = 1; k < order; ++k) s[k - 1] = s[k] + in * forward[k] - out * back[k];
+        s[order - 1] = in * forward[order] - out * back[order];
+        for (std::size_t row = 0; row < rows; ++row) x[row * count + n] = out[row];
     }
 }
 

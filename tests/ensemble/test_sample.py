@@ -21,7 +21,7 @@ COUNT = 1024
 def drawn(folder: Path, vary: str, count: int = COUNT) -> dict[str, np.ndarray]:
     """Values of each key, SI."""
     ensemble = draw(ensembles.study(folder, vary=f"[vary]\n{vary}"), count)
-    return {key: np.array(ensemble.si(key)) for key in ensemble.drawn}
+    return {key: np.array(ensemble.si[key]) for key in ensemble.drawn}
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ controller.pi.kp = { list = ["0.01 A/rpm", "0.02 A/rpm"] }"""
     assert whole == low and set(low) - set(high) == {inertia}
     assert inertia == 'scenario.low.override."mechanics.inertia"'
     assert set(high) == {"controller.pi.kp", "seed"} and high["seed"] == 5 + 1 + 7
-    assert sorted({*ensemble.si("controller.pi.kp")}) == pytest.approx([0.3 / np.pi, 0.6 / np.pi])
+    assert sorted({*ensemble.si["controller.pi.kp"]}) == pytest.approx([0.3 / np.pi, 0.6 / np.pi])
 
 
 def test_seeds_differ_and_fresh_ones_too(tmp_path: Path) -> None:

@@ -219,7 +219,8 @@ def test_a_task_whose_dask_worker_died_is_sent_again() -> None:
     sent: list[int] = []
     found: dict[int, int] = {}
     tasks = {number: (number,) for number in (1, 2)}
-    executing.run_all(executing.executor_workers(Here()), dies_twice, tasks, found.__setitem__)
+    here = executing.executor_workers(Here())
+    executing.run_all(here, dies_twice, tasks, tasks.__getitem__, found.__setitem__)
     assert found == {1: 7, 2: 14} and sent.count(1) == 3
 
 
@@ -231,7 +232,8 @@ def test_a_task_that_fails_of_itself_is_not_sent_again() -> None:
         raise ValueError("mine")
 
     with pytest.raises(ValueError, match=r"^mine$"):
-        executing.run_all(executing.executor_workers(Here()), fails, {0: ()}, lambda number, result: None)
+        here = executing.executor_workers(Here())
+        executing.run_all(here, fails, [0], lambda number: (), lambda number, result: None)
     assert sent == [1]
 
 
@@ -246,7 +248,8 @@ def test_a_cluster_that_is_gone_is_told() -> None:
     with pytest.raises(
         StudyError, match=r"^the cluster is gone: the same command, called again, goes on from here$"
     ):
-        executing.run_all(executing.executor_workers(Gone()), int, {0: ()}, lambda number, result: None)
+        gone = executing.executor_workers(Gone())
+        executing.run_all(gone, int, [0], lambda number: (), lambda number, result: None)
 
 
 HERE = versions()["cogless"]
@@ -284,8 +287,26 @@ def test_a_killed_process_is_replaced(tmp_path: Path, monkeypatch: pytest.Monkey
     found: dict[int, int] = {}
     tasks: dict[int, tuple[Any, ...]] = {n: (str(tmp_path / "marker"),) for n in range(3)}
     with executing.processes(1) as workers:
-        executing.run_all(workers, kills, tasks, found.__setitem__)
+        executing.run_all(workers, kills, tasks, tasks.__getitem__, found.__setitem__)
     assert found == {0: 7, 1: 7, 2: 7}
+
+
+def test_a_sweep_that_loses_a_process_gives_the_same_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, expected: bytes
+) -> None:
+    monkeypatch.undo()  # processes as users get them
+    with executing.processes(2) as workers:
+
+        def kill(done: int) -> None:
+            if done == 16:  # two chunks are left
+                victims.extend(workers.executor._processes.values())  # type: ignore[attr-defined]
+                victims[0].kill()
+
+        victims: list[Any] = []
+        swept = sweeping.run(plan(tmp_path), tmp_path, workers, progress=kill)
+        assert victims[0].exitcode == -signal.SIGKILL
+        assert not set(victims) & set(workers.executor._processes.values())  # type: ignore[attr-defined]
+    assert content(swept, tmp_path) == expected
 
 
 def test_a_failed_variant_is_kept_with_its_error(tmp_path: Path) -> None:

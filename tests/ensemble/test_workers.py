@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import select
 import signal
+import subprocess
+import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -51,12 +53,25 @@ class Waits(Executor):
         self.closed.append(wait)
 
 
+class Arguments:
+    """The arguments of each task. `most`: the largest number of unfinished tasks that had theirs."""
+
+    def __init__(self, finished: dict[int, Any]) -> None:
+        self.calls, self.most, self.finished = 0, 0, finished
+
+    def __call__(self, number: int) -> tuple[int]:
+        self.calls += 1
+        self.most = max(self.most, self.calls - len(self.finished))
+        return (number,)
+
+
 def test_two_tasks_are_sent_for_each_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """One runs while the other waits. A cluster without workers gets as many as if it had one."""
     for count, ahead in ((2, 4), (1, 2), (0, 2)):
         executor, found = Waits(monkeypatch), dict[int, Any]()
-        run_all(Workers(lambda: executor, lambda: count), int, {n: (n,) for n in range(6)}, found.__setitem__)  # noqa: B023
-        assert max(map(len, executor.together)) == ahead
+        arguments = Arguments(found)
+        run_all(Workers(lambda: executor, lambda: count), int, range(6), arguments, found.__setitem__)  # noqa: B023
+        assert max(map(len, executor.together)) == arguments.most == ahead
         assert list(found.items()) == [(n, (n,)) for n in range(6)] and executor.closed == []
 
 
@@ -66,7 +81,8 @@ def test_a_task_whose_worker_died_is_sent_again_alone(monkeypatch: pytest.Monkey
     run_all(
         Workers(lambda: executor, lambda: 1),
         int,
-        {n: (n,) for n in range(4)},
+        range(4),
+        lambda n: (n,),
         lambda n, result: found.append(n),
     )
     assert executor.together == [[0, 1], [1, 2], [2], [1], [3]]
@@ -220,3 +236,10 @@ def test_a_variant_without_a_design_leaves_the_others_theirs(
     rows = [*one, none[1], *other]
     assert all(row[-1] is None and row[0] > 0 for row in rows)
     assert sum(counts) == 5
+
+
+def test_a_worker_starts_without_scipy() -> None:
+    """It draws no variants; SciPy would be a quarter of its start, and of its memory."""
+    code = "import sys, cogless.ensemble.sweep; print('scipy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

@@ -30,7 +30,7 @@ def made(folder: Path, count: int, values: Any, vary: str | None = None) -> Swee
     """A sweep whose ripple, rad/s, is a function of inertia and friction, as shares of their ranges."""
     study = ensembles.study(folder, vary=vary)
     ensemble = draw(study, count)
-    shares = [np.argsort(np.argsort(ensemble.si(key))) / count for key in ensemble.drawn]
+    shares = [np.argsort(np.argsort(ensemble.si[key])) / count for key in ensemble.drawn]
     found = np.full((count, 2, 3), 0.1)
     found[:, 0, 0] = values(*shares)
     return Sweep(study, ensemble, [("low", "pi"), ("low", "pi-ilc")], columns(study), found, {})

@@ -139,7 +139,7 @@ def influences(sweep: Sweep, place: int, index: int) -> list[Influence]:
 
 def positions(sweep: Sweep, key: str) -> Array:
     """The values of a key as numbers, SI; texts by their places in the list that they are drawn from."""
-    values = sweep.ensemble.si(key)
+    values = sweep.ensemble.si[key]
     if all(isinstance(value, int | float) for value in values):
         return np.asarray(values, dtype=float)
     axis = next(axis for axis in sweep.ensemble.axes if axis.key == key)

@@ -250,12 +250,16 @@ class Plan:
 
     def variants(self, shard: Shard) -> int:
         """Number of variants of a shard."""
-        return sum(len(self.changes(chunk)) for chunk in self.part(shard))
+        return sum(map(self.size, self.part(shard)))
+
+    def size(self, chunk: int) -> int:
+        """Number of variants of a chunk."""
+        return min(self.ensemble.count - chunk * TASK_VARIANTS, TASK_VARIANTS)
 
     def changes(self, chunk: int) -> list[dict[str, Any]]:
         """What differs from the study, for each variant of a chunk."""
-        last = min(self.ensemble.count, (chunk + 1) * TASK_VARIANTS)
-        return [self.ensemble.changes(variant) for variant in range(chunk * TASK_VARIANTS, last)]
+        first = chunk * TASK_VARIANTS
+        return [self.ensemble.changes(variant) for variant in range(first, first + self.size(chunk))]
 
     def for_shards(self, shard: Shard) -> dict[str, Any]:
         """What a journal says it is; a shard also says how many variants there are, which decide its part."""
@@ -294,8 +298,8 @@ def run(
     with opened(folder / part.file, planned.for_shards(part)) as journal:
         report = progress or (lambda variants: None)
         # a last chunk that was shorter in an earlier, smaller sweep runs again
-        remaining = [c for c in chunks if len(journal.finished.get(c, ())) < len(planned.changes(c))]
-        done = planned.variants(part) - sum(len(planned.changes(c)) for c in remaining)
+        remaining = [c for c in chunks if len(journal.finished.get(c, ())) < planned.size(c)]
+        done = planned.variants(part) - sum(map(planned.size, remaining))
         report(done)
 
         def finished(chunk: int, finished: Any) -> None:
@@ -305,9 +309,12 @@ def run(
             report(done)
 
         parcel = pack(planned.study)
-        tasks = {chunk: (parcel, planned.changes(chunk), planned.pairs) for chunk in remaining}
+
+        def arguments(chunk: int) -> Sequence[Any]:
+            return parcel, planned.changes(chunk), planned.pairs
+
         at = workers if isinstance(workers, Workers) else executor_workers(workers)
-        run_all(at, variant_rows, tasks, finished, needed(planned.study))
+        run_all(at, variant_rows, remaining, arguments, finished, needed(planned.study))
         return None if part.of > 1 else _gathered(planned, journal.finished)
 
 

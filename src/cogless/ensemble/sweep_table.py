@@ -117,7 +117,7 @@ def write(sweep: Sweep, path: Path) -> None:
         "variant": pa.array(np.repeat(np.arange(count, dtype=np.int64), of_variant)),
         "scenario": pa.array([scenario for scenario, _ in sweep.pairs] * count),
         "controller": pa.array([controller for _, controller in sweep.pairs] * count),
-        **{key: _array(for_each_run(sweep.ensemble.si(key))) for key in sweep.ensemble.drawn},
+        **{key: _array(for_each_run(sweep.ensemble.si[key])) for key in sweep.ensemble.drawn},
         **{
             column.name: pa.array(sweep.values[:, :, place].ravel(), from_pandas=True)
             for place, column in enumerate(sweep.columns)

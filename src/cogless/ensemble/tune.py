@@ -142,9 +142,16 @@ class Evaluation:
         count = self.ensemble.count
         changes = [self.ensemble.changes(v) | dict(c) for c in candidates for v in range(count)]
         chunks = [changes[at : at + TASK_VARIANTS] for at in range(0, len(changes), TASK_VARIANTS)]
-        tasks = {number: (self.parcel, chunk, self.subject.pairs) for number, chunk in enumerate(chunks)}
+        tasks = [(self.parcel, chunk, self.subject.pairs) for chunk in chunks]
         rows_of_task: dict[int, Any] = {}
-        run_all(self.workers, variant_rows, tasks, rows_of_task.__setitem__, needed(self.study))
+        run_all(
+            self.workers,
+            variant_rows,
+            range(len(tasks)),
+            tasks.__getitem__,
+            rows_of_task.__setitem__,
+            needed(self.study),
+        )
         in_order = [row for number in range(len(chunks)) for row in rows_of_task[number]]
         return [
             gathered(self.study, self.ensemble, self.subject.pairs, in_order[at : at + count])

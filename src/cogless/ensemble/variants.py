@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from cogless import units
 from cogless.errors import StudyError
@@ -217,6 +216,8 @@ def _log(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def _normal(mean: float, deviation: float) -> Callable[[Array], Array]:
+    from scipy.special import ndtr, ndtri  # a worker starts sooner without it
+
     edge = float(ndtr(-CUT_DEVIATIONS))
     return lambda share: mean + deviation * ndtri(edge + (1 - 2 * edge) * share)
 
@@ -230,6 +231,8 @@ def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
 
     Each column stays evenly spread; only which values meet is changed.
     """
+    from scipy.special import ndtr, ndtri  # a worker starts sooner without it
+
     correlated = shares.copy()
     assert study.vary is not None
     places = {axis.key: place for place, axis in enumerate(axes)}
@@ -276,10 +279,11 @@ class Ensemble:
                 changes |= dict.fromkeys(overrides, values[variant])
         return changes
 
-    def si(self, key: str) -> list[Any]:
-        """The values of a varied key in SI; those that are no quantities unchanged."""
-        axis = next((axis for axis in self.axes if axis.key == key), None)
-        return self.drawn[key] if axis is None else [axis.si(value) for value in self.drawn[key]]
+    @cached_property
+    def si(self) -> dict[str, list[Any]]:
+        """The values of each varied key in SI; those that are no quantities unchanged."""
+        of_axes = {axis.key: list(map(axis.si, self.drawn[axis.key])) for axis in self.axes}
+        return {**self.drawn, **of_axes}
 
 
 def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:

@@ -12,7 +12,7 @@ import os
 import signal
 import tempfile
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -155,20 +155,21 @@ def _version() -> str:
 def run_all(
     workers: Workers,
     work: Callable[..., T],
-    tasks: Mapping[int, Sequence[Any]],
+    tasks: Iterable[int],
+    arguments: Callable[[int], Sequence[Any]],
     finished: Callable[[int, T], None],
     expected: str = "enough memory for it",
 ) -> None:
-    """Call work(*arguments) for each task, and `finished` with its number and result, in order of ending.
+    """Call work(*arguments(number)) for each task, and `finished` with its number and result, as they end.
 
-    A task whose worker dies is sent again, and alone, since it may be what kills workers; after the third
-    time it is given up. StudyError: that, with what is `expected` of a task that ends, or a cluster that is
-    gone.
+    A task's arguments are made when it is sent, so that waiting tasks take no memory. A task whose worker
+    dies is sent again, and alone, since it may be what kills workers; after the third time it is given up.
+    StudyError: that, with what is `expected` of a task that ends, or a cluster that is gone.
     """
     waiting = deque(tasks)
-    losses = dict.fromkeys(tasks, 0)
+    losses = dict.fromkeys(waiting, 0)
     while waiting:
-        _use(workers, work, tasks, finished, waiting, losses, expected)
+        _use(workers, work, arguments, finished, waiting, losses, expected)
         if waiting:
             workers.renew()
 
@@ -176,7 +177,7 @@ def run_all(
 def _use(
     workers: Workers,
     work: Callable[..., T],
-    tasks: Mapping[int, Sequence[Any]],
+    arguments: Callable[[int], Sequence[Any]],
     finished: Callable[[int, T], None],
     waiting: deque[int],
     losses: dict[int, int],
@@ -192,7 +193,7 @@ def _use(
             if alone:
                 break
             try:
-                running[workers.executor.submit(work, *tasks[waiting[0]])] = waiting[0]
+                running[workers.executor.submit(work, *arguments(waiting[0]))] = waiting[0]
                 waiting.popleft()
             except BrokenProcessPool:
                 broken = True

@@ -89,7 +89,7 @@ class Conditions:
 
     reference: Real  # (samples,), or (samples, plants)
     load: Real  # likewise, in the unit of the input
-    start: Real  # (n,), the plant's state at the first sample
+    start: Real  # (n,), the plant's state at the first sample, or (plants, n)
     trials: int
     plant: Model | None = None  # exactly sampled, where it is known and within the design's ranges
     random: Disturbances | None = None  # what differs from trial to trial
@@ -196,44 +196,62 @@ def predict(
     feedforward. The last plant is that of each phase, if that is known. `remains`: what the sensor's steps
     leave at the end of each phase. `basis_functions`: what was learned moves along with a changed reference.
     """
-    v = np.zeros((len(models), trial.samples))
-    predictions = []
+    plants = [list(models)]
+    for phase in phases:
+        plants.append([*models[:-1], phase.plant or plants[-1][-1]])
+    rows = [model for of_phase in plants[1:] for model in of_phase]
+    together = _together(phases, len(models))
+    f = np.array([feedforward(ahead, phase.reference) for phase in phases]).repeat(len(models), axis=0).T
+    rest = np.zeros((len(rows), trial.samples))
+    errors, lessons, inputs = (
+        np.split(of_rows, len(phases)) for of_rows in simulated(rows, C, law, together, f, rest)
+    )
+    v = rest[: len(models)]
+    last_v, learned, randoms = [], [], []
     for index, phase in enumerate(phases):
         if basis_functions and index:
             integral = law.K_2 if isinstance(law, Gains) and law.through_integrator else 0.0
             n = law.N if isinstance(law, Gains) else 1.0
             v = carried(v, phases[index - 1].reference, phase.reference, n, integral)
-        models = [*models[:-1], phase.plant or models[-1]]
-        trial = replace(trial, loops=[*trial.loops[:-1], law.closed(models[-1], C)])
-        loops = random_loops(models, C, law, trial)
-        position = loops.position
-        f = feedforward(ahead, phase.reference)
-        error, lesson, u = simulated(models, C, law, phase, f, np.zeros_like(v))
-        added = trial.correction(lesson)
-        errors = []
+        trial = replace(trial, loops=[*trial.loops[:-1], law.closed(plants[index + 1][-1], C)])
+        loops = random_loops(plants[index + 1], C, law, trial)
+        added = trial.correction(lessons[index])
+        rms = []
         for _ in range(min(phase.trials, PHASE_TRIALS)):
             last = v
-            errors.append(_rms(error - position.output(v)))
+            rms.append(_rms(errors[index] - loops.position.output(v)))
             v = trial.recall(v) - trial.correction(trial.output(v)) + added
-        _, _, learned_u = simulated(models, C, law, phase, f, last)
-        alone, random = np.zeros(len(models)), np.zeros((len(models), len(errors)))
-        if phase.random is not None:
-            alone, random = random_errors(loops, phase.random, len(errors))
-        predictions.append(
-            PhasePrediction(
-                learned=np.hypot(np.array(errors).T, np.sqrt(random)),
-                feedback=np.hypot(_rms(error), np.sqrt(alone)),
-                peak=np.abs(learned_u).max(axis=1),
-                feedback_peak=np.abs(u).max(axis=1),
-                random=np.sqrt(random[:, -1]),
-                feedback_random=np.sqrt(alone),
-                steps=remains[index].learned[:, 0],
-                feedback_steps=remains[index].feedback,
-                trials=phase.trials,
-                steps_count=remains[index].count,
-            )
+        last_v.append(last)
+        learned.append(np.array(rms).T)
+        none = np.zeros(len(models)), np.zeros(learned[-1].shape)
+        randoms.append(none if phase.random is None else random_errors(loops, phase.random, len(rms)))
+    _, _, learned_u = simulated(rows, C, law, together, f, np.concatenate(last_v))
+    peaks = np.split(np.abs(learned_u).max(axis=1), len(phases))
+    predictions = [
+        PhasePrediction(
+            learned=np.hypot(learned[index], np.sqrt(random)),
+            feedback=np.hypot(_rms(errors[index]), np.sqrt(alone)),
+            peak=peaks[index],
+            feedback_peak=np.abs(inputs[index]).max(axis=1),
+            random=np.sqrt(random[:, -1]),
+            feedback_random=np.sqrt(alone),
+            steps=remains[index].learned[:, 0],
+            feedback_steps=remains[index].feedback,
+            trials=phase.trials,
+            steps_count=remains[index].count,
         )
+        for index, (phase, (alone, random)) in enumerate(zip(phases, randoms, strict=True))
+    ]
     return Prediction(tuple(labels), tuple(predictions))
+
+
+def _together(phases: Sequence[Conditions], plants: int) -> Conditions:
+    """The conditions of all phases for one call of `simulated`, with so many plants for each."""
+    reference, load, start = (
+        np.array([getattr(phase, name) for phase in phases]).repeat(plants, axis=0)
+        for name in ("reference", "load", "start")
+    )
+    return Conditions(reference.T, load.T, start, 1)
 
 
 def trials_to_floor(errors: Real) -> int | None:
@@ -280,8 +298,8 @@ def feedforward(ahead: tuple[Real, Real, int] | None, reference: Real) -> Real:
         return f
     num, den, preview = ahead
     rest = float(np.sum(num) / np.sum(den)) * reference[0]
-    for p in range(samples):
-        taps = reference[np.clip(p + preview - np.arange(len(num)), 0, samples - 1)]
+    places = np.arange(samples)[:, None] + preview - np.arange(len(num))
+    for p, taps in enumerate(reference[np.clip(places, 0, samples - 1)]):
         before = [f[p - j] if p >= j else rest for j in range(1, len(den))]
         f[p] = num @ taps - float(np.dot(den[1:], before))
     return f
@@ -295,9 +313,14 @@ def simulated(
     f: Real,
     v: Real,
 ) -> tuple[Real, Real, Real]:
-    """One trial of each plant with v: the error, what is learned from, and the input; (plants, samples)."""
+    """One trial of each plant with v: the error, what is learned from, and the input; (plants, samples).
+
+    The start and each sample of the reference, the load and f are of all plants or have one value per plant.
+    """
     A, B = np.array([m.A for m in models]), np.array([m.B[:, 0] for m in models])
-    x, view = np.array([m.started(phase.start) for m in models]), models[0].view
+    starts = np.broadcast_to(phase.start, (len(models), phase.start.shape[-1]))
+    x = np.array([model.started(start) for model, start in zip(models, starts, strict=True)])
+    view = models[0].view
     true, seen = models[0].output(C), C @ view
     error, u = np.zeros_like(v), np.zeros_like(v)
     psi = np.zeros(len(models))
