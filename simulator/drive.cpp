@@ -283,7 +283,7 @@ void Drive::add_load(DriveState& s, double torque) const {
 }
 
 void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks, Controller* other) const {
-    recorder.reserve(ticks * config_.rows_per_period);
+    recorder.reserve(s.tick, ticks, config_.rows_per_period);
     if (config_.trials) {
         advance_trials(s, recorder, s.tick + ticks, other);
     } else {
@@ -519,7 +519,7 @@ void Drive::advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, st
                                         std::to_string(kernel.lanes));
         }
         of.push_back(&lane.drive->phases_.front().plant);
-        lane.recorder->reserve(ticks);
+        lane.recorder->reserve(lane.state->tick, ticks);
     }
     const std::int64_t end = lanes.front().state->tick + ticks;
     first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, *kernel.make(of, detail), end); });
