@@ -506,7 +506,7 @@ bool Drive::alike(const Drive& other) const {
     };
     const DriveConfig &a = config_, &b = other.config_;
     return fits(*this) && fits(other) && a.ideal_current == b.ideal_current && motor_phases(a) == motor_phases(b) &&
-           a.current_rate == b.current_rate && a.integration_steps == b.integration_steps && a.energy == b.energy &&
+           a.inverter.pwm == b.inverter.pwm && a.current_rate == b.current_rate && a.integration_steps == b.integration_steps && a.energy == b.energy &&
            phases_.front().plant.equations().alike(other.phases_.front().plant.equations());
 }
 
@@ -522,7 +522,7 @@ void Drive::advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, st
         lane.recorder->reserve(lane.state->tick, ticks);
     }
     const std::int64_t end = lanes.front().state->tick + ticks;
-    first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, *kernel.make(of, detail), end); });
+    first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, *kernel.make(of, detail, legs), end); });
 }
 
 // As run(), but the steps of the plants are taken together. A plant whose rotor stops or breaks away takes its step alone, and
@@ -551,8 +551,13 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
         all.push_back({n, &lanes[n], drive, &phase, s, {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
                        drive->faults_at(s->tick)});
         plants.put(n, s->plant, Plant::Exact<detail>(phase.plant)(s->plant.theta_m));
+        view.dead_share[n] = drive->dead_share_;
+        view.device_drop[n] = drive->config_.inverter.device_drop;
+        for (std::size_t k = 0; k < s->applied.size(); ++k) view.last[k][n] = s->applied[k];
     }
+    const Pwm pwm = first.config_.inverter.pwm;
     for (std::int64_t tick = lanes.front().state->tick; tick < end; ++tick) {
+        if constexpr (legs != 0) plants.measure();
         for (Running& r : all) {
             const std::size_t n = r.n;
             const Drive& drive = *r.drive;
@@ -562,7 +567,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             s.plant.omega_m = view.omega_m[n];
             s.plant.i = {view.i_d[n], view.i_q[n]};
             step_load(s, phase, 0, view.load_torque[n], view.load_target[n]);
-            if constexpr (legs != 0) r.current = phase_currents<legs>(s.plant.i, {view.axis_re[n], view.axis_im[n]});
+            if constexpr (legs != 0) r.current = {view.current[0][n], view.current[1][n], view.current[2][n]};
             if (tick >= r.faults.until) r.faults = drive.faults_at(tick);
             try {
                 drive.control<legs>(s, phase, 0, r.law.next(), r.current, r.faults, nullptr);
@@ -578,13 +583,17 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             }
             if constexpr (legs != 0) {
                 drive.next_duties(s, r.acting);
-                const Voltage<> u = drive.averaged<legs>(s, r.acting.duty, r.current, r.faults);
-                view.u_alpha[n] = u.alpha;
-                view.u_beta[n] = u.beta;
+                view.bus_voltage[n] = r.faults.bus_voltage;
+                for (std::size_t k = 0; k < s.applied.size(); ++k) {
+                    view.duty[k][n] = r.acting.duty[k];
+                    if (pwm == Pwm::edge) view.last[k][n] = s.applied[k];
+                }
+                drive.remember(s, r.acting.duty);
                 if (r.acting.open) plants.get(n, s.plant, here);
             }
         }
         std::erase_if(all, [](const Running& r) { return !r.lane->error.empty(); });
+        if constexpr (legs != 0) plants.apply(carrier(pwm, tick));
         for (int k = 0; k < first.config_.integration_steps; ++k) {
             const std::uint32_t stay = plants.step(h);
             const double from = first.time(tick) + k * h;
