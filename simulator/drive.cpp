@@ -15,6 +15,7 @@ namespace cogless {
 
 namespace {
 
+constexpr double brief_share = 0.25;  // of the nominal step: up to here a step of order 3 errs no more than a whole one of order 4
 constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
 // Before each step of a period in which no rows of the trace lie.
@@ -844,23 +845,40 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
         }
         if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
-        const Pulses<legs> p =
-            pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(acting.duty),
-                   leg_duties<legs>(s.applied), leg_currents<legs>(current), carrier(inverter.pwm, s.tick), period_);
-        remember(s, acting.duty);
-        double from = 0.0;
-        for (std::size_t n = 0; n < p.count; ++n) {
-            const double length = p.stretch[n].until - from;
-            const int steps = length <= longest ? 1 : static_cast<int>(std::ceil(length / longest - 1e-9));
-            const double h = steps == 1 ? length : length / steps;
-            for (int k = 0; k < steps; ++k) {
-                before_step(p.stretch[n].u, from + k * h, h, [](PlantState<>&, const AtAngle<double>&) {});
-                step(p.stretch[n].u, from + k * h, h, patch);
-            }
-            from = p.stretch[n].until;
-        }
+        advance_pulses<legs, detail>(s, here, patch, phase, origin, acting, current, faults, before_step);
     } else {
         hold(averaged<legs>(s, acting.duty, current, faults));
+    }
+}
+
+template <std::size_t legs, Detail detail, class BeforeStep>
+void Drive::advance_pulses(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin,
+                           const Acting& acting, const Phases& current, const Faults& faults,
+                           const BeforeStep& before_step) const {
+    const double start = time(s.tick - origin);
+    const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
+        phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
+        watch(s, start + from, h, s.plant.theta_m, faults);
+    };
+    const Pulses<legs> p =
+        pulses(faults.bus_voltage, config_.inverter.dead_time, config_.inverter.device_drop, leg_duties<legs>(acting.duty),
+               leg_duties<legs>(s.applied), leg_currents<legs>(current), carrier(config_.inverter.pwm, s.tick), period_);
+    remember(s, acting.duty);
+    AnglePatch::Brief brief{patch};
+    double from = 0.0;
+    for (std::size_t n = 0; n < p.count; ++n) {
+        const double length = p.stretch[n].until - from;
+        const int steps = length <= step_ ? 1 : static_cast<int>(std::ceil(length / step_ - 1e-9));
+        const double h = steps == 1 ? length : length / steps;
+        for (int k = 0; k < steps; ++k) {
+            before_step(p.stretch[n].u, from + k * h, h, [](PlantState<>&, const AtAngle<double>&) {});
+            if (h <= brief_share * step_) {
+                step(p.stretch[n].u, from + k * h, h, brief);
+            } else {
+                step(p.stretch[n].u, from + k * h, h, patch);
+            }
+        }
+        from = p.stretch[n].until;
     }
 }
 

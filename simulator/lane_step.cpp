@@ -11,6 +11,7 @@ using Real = COGLESS_LANES;
 
 struct Exact {
     static constexpr bool share_angles = true;
+    static constexpr bool brief = false;
     const AngleFunctions<Real>& angle;
     bool needed;
 
