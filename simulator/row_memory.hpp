@@ -1,5 +1,6 @@
 // Memory of recorded rows. A kernel takes as long to hand out small pages as the engine to fill them: a thread's next trace takes
-// the pages of the last one that was dropped, and a long trace has large pages, where the system knows them.
+// the pages of the last one that was dropped, and a long trace has large pages. Linux only; in WebAssembly a thread has no end that
+// would free them.
 #pragma once
 
 #include <algorithm>
@@ -13,6 +14,8 @@
 #endif
 
 namespace cogless {
+
+#ifdef __linux__
 
 class RowMemory {
 public:
@@ -53,17 +56,11 @@ private:
     };
 
     static void* allocated(std::size_t bytes) {
-#ifdef __linux__
-        if (bytes >= large_page) {
-            const std::size_t whole = bytes / large_page * large_page;
-            void* const at = std::aligned_alloc(large_page, whole + (bytes > whole ? large_page : 0));
-            if (at == nullptr) throw std::bad_alloc();
-            madvise(at, whole, MADV_HUGEPAGE);  // only a request
-            return at;
-        }
-#endif
-        void* const at = std::malloc(bytes);
+        const std::size_t whole = bytes / large_page * large_page;
+        void* const at = whole == 0 ? std::malloc(bytes)
+                                    : std::aligned_alloc(large_page, whole + (bytes > whole ? large_page : 0));
         if (at == nullptr) throw std::bad_alloc();
+        if (whole > 0) madvise(at, whole, MADV_HUGEPAGE);  // only a request
         return at;
     }
 
@@ -72,6 +69,15 @@ private:
         return free;
     }
 };
+
+#else
+
+struct RowMemory {
+    static void* take(std::size_t bytes) { return ::operator new(bytes); }
+    static void give_back(void* at, std::size_t) { ::operator delete(at); }
+};
+
+#endif
 
 // Numbers that are not set to zero first.
 template <class T>
