@@ -14,6 +14,7 @@ namespace cogless {
 class AnglePatch {
 public:
     static constexpr bool share_angles = false;
+    static constexpr bool brief = false;
 
     explicit AnglePatch(const AngleFunctions<double>& of) : of_(of), reach_(furthest / of.highest_order()) {}
 
@@ -37,6 +38,15 @@ public:
     }
 
     [[gnu::always_inline]] std::array<AtAngle<double>, 2> both(double a, double b) { return {(*this)(a), (*this)(b)}; }
+
+    // The same for a brief step (equations.hpp).
+    struct Brief {
+        static constexpr bool share_angles = false, brief = true;
+        AnglePatch& patch;
+
+        [[gnu::always_inline]] AtAngle<double> operator()(double theta_m) { return patch(theta_m); }
+        [[gnu::always_inline]] std::array<AtAngle<double>, 2> both(double a, double b) { return patch.both(a, b); }
+    };
 
 private:
     using Six = Wide<2, 3>;  // as in AtAngle

@@ -30,14 +30,15 @@ using Array = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 using Reals = nb::ndarray<nb::numpy, cgl_real, nb::ndim<1>>;
 
 // An array that owns its numbers.
-template <class Made, class Real>
-Made array_of(std::vector<Real> values, std::initializer_list<std::size_t> shape) {
-    auto* kept = new std::vector<Real>(std::move(values));
-    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<Real>*>(p); });
+template <class Made, class Numbers>
+Made array_of(Numbers values, std::initializer_list<std::size_t> shape) {
+    auto* kept = new Numbers(std::move(values));
+    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<Numbers*>(p); });
     return Made(kept->data(), shape, owner);
 }
 
-Array rows_of(std::vector<double> values, std::size_t columns) {
+template <class Numbers>
+Array rows_of(Numbers values, std::size_t columns) {
     const std::size_t rows = values.size() / columns;
     return array_of<Array>(std::move(values), {rows, columns});
 }

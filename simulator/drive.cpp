@@ -15,6 +15,7 @@ namespace cogless {
 
 namespace {
 
+constexpr double brief_share = 0.25;  // of the nominal step: up to here a step of order 3 errs no more than a whole one of order 4
 constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
 // Before each step of a period in which no rows of the trace lie.
@@ -283,7 +284,7 @@ void Drive::add_load(DriveState& s, double torque) const {
 }
 
 void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks, Controller* other) const {
-    recorder.reserve(ticks * config_.rows_per_period);
+    recorder.reserve(s.tick, ticks, config_.rows_per_period);
     if (config_.trials) {
         advance_trials(s, recorder, s.tick + ticks, other);
     } else {
@@ -506,7 +507,7 @@ bool Drive::alike(const Drive& other) const {
     };
     const DriveConfig &a = config_, &b = other.config_;
     return fits(*this) && fits(other) && a.ideal_current == b.ideal_current && motor_phases(a) == motor_phases(b) &&
-           a.current_rate == b.current_rate && a.integration_steps == b.integration_steps && a.energy == b.energy &&
+           a.inverter.pwm == b.inverter.pwm && a.current_rate == b.current_rate && a.integration_steps == b.integration_steps && a.energy == b.energy &&
            phases_.front().plant.equations().alike(other.phases_.front().plant.equations());
 }
 
@@ -519,10 +520,10 @@ void Drive::advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, st
                                         std::to_string(kernel.lanes));
         }
         of.push_back(&lane.drive->phases_.front().plant);
-        lane.recorder->reserve(ticks);
+        lane.recorder->reserve(lane.state->tick, ticks);
     }
     const std::int64_t end = lanes.front().state->tick + ticks;
-    first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, *kernel.make(of, detail), end); });
+    first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, *kernel.make(of, detail, legs), end); });
 }
 
 // As run(), but the steps of the plants are taken together. A plant whose rotor stops or breaks away takes its step alone, and
@@ -551,8 +552,13 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
         all.push_back({n, &lanes[n], drive, &phase, s, {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
                        drive->faults_at(s->tick)});
         plants.put(n, s->plant, Plant::Exact<detail>(phase.plant)(s->plant.theta_m));
+        view.dead_share[n] = drive->dead_share_;
+        view.device_drop[n] = drive->config_.inverter.device_drop;
+        for (std::size_t k = 0; k < s->applied.size(); ++k) view.last[k][n] = s->applied[k];
     }
+    const Pwm pwm = first.config_.inverter.pwm;
     for (std::int64_t tick = lanes.front().state->tick; tick < end; ++tick) {
+        if constexpr (legs != 0) plants.measure();
         for (Running& r : all) {
             const std::size_t n = r.n;
             const Drive& drive = *r.drive;
@@ -562,7 +568,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             s.plant.omega_m = view.omega_m[n];
             s.plant.i = {view.i_d[n], view.i_q[n]};
             step_load(s, phase, 0, view.load_torque[n], view.load_target[n]);
-            if constexpr (legs != 0) r.current = phase_currents<legs>(s.plant.i, {view.axis_re[n], view.axis_im[n]});
+            if constexpr (legs != 0) r.current = {view.current[0][n], view.current[1][n], view.current[2][n]};
             if (tick >= r.faults.until) r.faults = drive.faults_at(tick);
             try {
                 drive.control<legs>(s, phase, 0, r.law.next(), r.current, r.faults, nullptr);
@@ -578,13 +584,17 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             }
             if constexpr (legs != 0) {
                 drive.next_duties(s, r.acting);
-                const Voltage<> u = drive.averaged<legs>(s, r.acting.duty, r.current, r.faults);
-                view.u_alpha[n] = u.alpha;
-                view.u_beta[n] = u.beta;
+                view.bus_voltage[n] = r.faults.bus_voltage;
+                for (std::size_t k = 0; k < s.applied.size(); ++k) {
+                    view.duty[k][n] = r.acting.duty[k];
+                    if (pwm == Pwm::edge) view.last[k][n] = s.applied[k];
+                }
+                drive.remember(s, r.acting.duty);
                 if (r.acting.open) plants.get(n, s.plant, here);
             }
         }
         std::erase_if(all, [](const Running& r) { return !r.lane->error.empty(); });
+        if constexpr (legs != 0) plants.apply(carrier(pwm, tick));
         for (int k = 0; k < first.config_.integration_steps; ++k) {
             const std::uint32_t stay = plants.step(h);
             const double from = first.time(tick) + k * h;
@@ -835,23 +845,40 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
         }
         if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
-        const Pulses<legs> p =
-            pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(acting.duty),
-                   leg_duties<legs>(s.applied), leg_currents<legs>(current), carrier(inverter.pwm, s.tick), period_);
-        remember(s, acting.duty);
-        double from = 0.0;
-        for (std::size_t n = 0; n < p.count; ++n) {
-            const double length = p.stretch[n].until - from;
-            const int steps = length <= longest ? 1 : static_cast<int>(std::ceil(length / longest - 1e-9));
-            const double h = steps == 1 ? length : length / steps;
-            for (int k = 0; k < steps; ++k) {
-                before_step(p.stretch[n].u, from + k * h, h, [](PlantState<>&, const AtAngle<double>&) {});
-                step(p.stretch[n].u, from + k * h, h, patch);
-            }
-            from = p.stretch[n].until;
-        }
+        advance_pulses<legs, detail>(s, here, patch, phase, origin, acting, current, faults, before_step);
     } else {
         hold(averaged<legs>(s, acting.duty, current, faults));
+    }
+}
+
+template <std::size_t legs, Detail detail, class BeforeStep>
+void Drive::advance_pulses(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin,
+                           const Acting& acting, const Phases& current, const Faults& faults,
+                           const BeforeStep& before_step) const {
+    const double start = time(s.tick - origin);
+    const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
+        phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
+        watch(s, start + from, h, s.plant.theta_m, faults);
+    };
+    const Pulses<legs> p =
+        pulses(faults.bus_voltage, config_.inverter.dead_time, config_.inverter.device_drop, leg_duties<legs>(acting.duty),
+               leg_duties<legs>(s.applied), leg_currents<legs>(current), carrier(config_.inverter.pwm, s.tick), period_);
+    remember(s, acting.duty);
+    AnglePatch::Brief brief{patch};
+    double from = 0.0;
+    for (std::size_t n = 0; n < p.count; ++n) {
+        const double length = p.stretch[n].until - from;
+        const int steps = length <= step_ ? 1 : static_cast<int>(std::ceil(length / step_ - 1e-9));
+        const double h = steps == 1 ? length : length / steps;
+        for (int k = 0; k < steps; ++k) {
+            before_step(p.stretch[n].u, from + k * h, h, [](PlantState<>&, const AtAngle<double>&) {});
+            if (h <= brief_share * step_) {
+                step(p.stretch[n].u, from + k * h, h, brief);
+            } else {
+                step(p.stretch[n].u, from + k * h, h, patch);
+            }
+        }
+        from = p.stretch[n].until;
     }
 }
 

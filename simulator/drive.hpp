@@ -272,7 +272,12 @@ private:
     template <std::size_t legs, Detail detail, class BeforeStep>
     void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin,
                        const Acting& acting, const Phases& current, const Faults& faults, const BeforeStep& before_step) const;
-    // The same, and records the period's rows. Each is a step of its own from the run's last, so the run stays as it is.
+    // The same with pulses. Not inlined, so that a period without them keeps its registers.
+    template <std::size_t legs, Detail detail, class BeforeStep>
+    [[gnu::noinline]] void advance_pulses(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
+                                          std::int64_t origin, const Acting& acting, const Phases& current, const Faults& faults,
+                                          const BeforeStep& before_step) const;
+    // The same as advance_plant(), and records the period's rows. Each is a step of its own from the run's last, so the run stays as it is.
     template <std::size_t legs, Detail detail>
     [[gnu::noinline]] void advance_with_rows(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
                                              std::int64_t origin, const Acting& acting, const Phases& current,

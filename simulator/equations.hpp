@@ -1,7 +1,8 @@
 // Motor, inertia, friction and load as one system of differential equations, integrated by fixed steps of order 4: RK4, or
 // Nystrom's method (Hairer, Norsett, Wanner: Solving ordinary differential equations I, section II.14). Nystrom's differs
 // in the angle only: both stages at the middle of a step have the same one, and share all that depends on it. Where that is
-// cheap to compute, RK4 is faster, whose angles need not wait for the stage before.
+// cheap to compute, RK4 is faster, whose angles need not wait for the stage before. A brief step, of at most a quarter of the nominal
+// one, is of Kutta's method of order 3, with a stage less.
 //
 // For one motor, or for several at once with a Real of as many lanes (wide.hpp).
 #pragma once
@@ -157,7 +158,7 @@ public:
     };
 
     // One step, within which nothing stops, breaks away, meets or parts. angle(theta) returns what depends on an angle,
-    // angle.both() on two, and share_angles says whether it is dear: then by Nystrom's method. The voltage has no effect if
+    // angle.both() on two, share_angles says whether it is dear: then by Nystrom's method, and brief: by Kutta's. The voltage has no effect if
     // the currents are given. With lanes, h is the nominal step.
     template <Detail detail, bool with_train = false, bool saturated = false, class Angle>
     [[gnu::always_inline]] Step<detail, with_train> step(const PlantState<Real>& x, const AtAngle<Real>& here, Voltage<Real> u,
@@ -255,6 +256,35 @@ public:
         const Real load_2 = of_load([&](Real theta, Real omega, std::size_t n) { return second(theta, omega, k1[n]); });
         const AtAngle<Real> at_2 = angle(angle_2);
         const Vector k2 = slope(plus(start, 0.5 * h, k1), angle_2, at_2, load.middle, time + 0.5 * h, load_2);
+        const auto wind = [&](Made& made, const auto& end) __attribute__((always_inline)) {
+            if constexpr (with_train) {
+                made.side.theta = of_load(end);
+                if (const LoadSide* side = load_side()) {
+                    made.side.wound = side->unwound(x.side, h);
+                    if constexpr (detail == Detail::energies) {  // what the shaft loses while it unwinds within the gap
+                        made.y[5] += side->wound_energy(x.side.wound) - side->wound_energy(made.side.wound);
+                    }
+                }
+            }
+        };
+        if constexpr (std::remove_cvref_t<Angle>::brief) {
+            const auto stage = [h](Real theta, Real omega, Real k1) __attribute__((always_inline)) {
+                return theta + h * omega + h * h * k1;
+            };
+            const auto end = [h](Real theta, Real omega, Real k1, Real k2) __attribute__((always_inline)) {
+                return theta + h * omega + h * h / 6.0 * (k1 + 2.0 * k2);
+            };
+            const Real angle_3 = stage(x.theta_m, x.omega_m, k1[0]), theta_m = end(x.theta_m, x.omega_m, k1[0], k2[0]);
+            const Real load_3 = of_load([&](Real theta, Real omega, std::size_t n) { return stage(theta, omega, k1[n]); });
+            const auto [at_3, at_end] = angle.both(angle_3, theta_m);
+            const Vector k3 = slope(plus(plus(start, -h, k1), 2.0 * h, k2), angle_3, at_3, load.end, time + h, load_3);
+            Vector y;
+#pragma GCC unroll 8
+            for (std::size_t n = 0; n < y.size(); ++n) y[n] = (start[n] + h / 6.0 * (k1[n] + 4.0 * k2[n])) + h / 6.0 * k3[n];
+            Made made{y, theta_m, load.end, at_end};
+            wind(made, [&](Real theta, Real omega, std::size_t n) { return end(theta, omega, k1[n], k2[n]); });
+            return made;
+        }
         const Real angle_3 = third(angle_2, k1[0]);
         const Real load_3 = of_load([&](Real, Real, std::size_t n) { return third(load_2, k1[n]); });
         const AtAngle<Real> at_3 = share ? at_2 : angle(angle_3);
@@ -271,15 +301,7 @@ public:
             y[n] = (start[n] + h / 6.0 * (k1[n] + 2.0 * (k2[n] + k3[n]))) + h / 6.0 * k4[n];
         }
         Made made{y, theta_m, load.end, at_end};
-        if constexpr (with_train) {
-            made.side.theta = of_load([&](Real theta, Real omega, std::size_t n) { return last(theta, omega, k1[n], k2[n], k3[n]); });
-            if (const LoadSide* side = load_side()) {
-                made.side.wound = side->unwound(x.side, h);
-                if constexpr (detail == Detail::energies) {  // what the shaft loses while it unwinds within the gap
-                    made.y[5] += side->wound_energy(x.side.wound) - side->wound_energy(made.side.wound);
-                }
-            }
-        }
+        wind(made, [&](Real theta, Real omega, std::size_t n) { return last(theta, omega, k1[n], k2[n], k3[n]); });
         return made;
     }
 

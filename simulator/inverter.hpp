@@ -14,11 +14,13 @@
 namespace cogless {
 
 // One number for each phase; two-phase machines leave the third one at zero.
-using Phases = std::array<double, 3>;
+template <class Real>
+using InPhases = std::array<Real, 3>;
+using Phases = InPhases<double>;
 
 // One number for each leg.
-template <std::size_t count>
-using Legs = std::array<double, count>;
+template <std::size_t count, class Real = double>
+using Legs = std::array<Real, count>;
 
 constexpr std::size_t star_legs = 3, bridge_legs = 4;
 
@@ -66,50 +68,55 @@ inline double without_short_pulses(double duty, double least) {
 }
 
 // What a leg's device takes from its voltage, V: a positive current flows out of the leg.
-inline double dropped(double device_drop, double current) {
-    return current >= 0.0 ? device_drop : -device_drop;
+template <class Real>
+[[gnu::always_inline]] inline Real dropped(const Real& device_drop, const Real& current) {
+    return select(current >= Real(0.0), device_drop, -device_drop);
 }
 
 // Voltage in the stationary frame from the voltages of the legs.
-inline Voltage<> stationary(const Legs<star_legs>& u) {
+template <class Real>
+[[gnu::always_inline]] inline Voltage<Real> stationary(const Legs<star_legs, Real>& u) {
     return {(2.0 * u[0] - u[1] - u[2]) * (1.0 / 3.0), (u[1] - u[2]) * 0.57735026918962576};
 }
 
-inline Voltage<> stationary(const Legs<bridge_legs>& u) { return {u[0] - u[1], u[2] - u[3]}; }
+template <class Real>
+[[gnu::always_inline]] inline Voltage<Real> stationary(const Legs<bridge_legs, Real>& u) {
+    return {u[0] - u[1], u[2] - u[3]};
+}
 
 // Duty cycles of the legs from those of the phases. Unipolar: the second leg of a bridge has the complement of the first, on
 // the same carrier, so the mean voltage of a phase is bus_voltage (2 duty - 1), in two pulses per period.
-template <std::size_t count>
-decltype(auto) leg_duties(const Phases& duty) {
+template <std::size_t count, class Real>
+[[gnu::always_inline]] inline decltype(auto) leg_duties(const InPhases<Real>& duty) {
     if constexpr (count == star_legs) {
         return (duty);
     } else {
-        return Legs<count>{duty[0], 1.0 - duty[0], duty[1], 1.0 - duty[1]};
+        return Legs<count, Real>{duty[0], 1.0 - duty[0], duty[1], 1.0 - duty[1]};
     }
 }
 
 // The currents out of the legs.
-template <std::size_t count>
-decltype(auto) leg_currents(const Phases& i) {
+template <std::size_t count, class Real>
+[[gnu::always_inline]] inline decltype(auto) leg_currents(const InPhases<Real>& i) {
     if constexpr (count == star_legs) {
         return (i);
     } else {
-        return Legs<count>{i[0], -i[0], i[1], -i[1]};
+        return Legs<count, Real>{i[0], -i[0], i[1], -i[1]};
     }
 }
 
 // The phases' values of a vector in the stationary frame.
-template <std::size_t legs>
-Phases in_phases(double alpha, double beta) {
-    if constexpr (legs == bridge_legs) return {alpha, beta, 0.0};
+template <std::size_t legs, class Real>
+[[gnu::always_inline]] inline InPhases<Real> in_phases(const Real& alpha, const Real& beta) {
+    if constexpr (legs == bridge_legs) return {alpha, beta, Real(0.0)};
     return {alpha, -0.5 * alpha + 0.86602540378443865 * beta, -0.5 * alpha - 0.86602540378443865 * beta};
 }
 
 // Phase currents, with three legs the line currents of the star equivalent, from the rotor's frame.
-template <std::size_t legs>
-Phases phase_currents(Currents<> i, Complex<double> axis) {
-    const double alpha = axis.re * i.d - axis.im * i.q;
-    const double beta = axis.im * i.d + axis.re * i.q;
+template <std::size_t legs, class Real>
+[[gnu::always_inline]] inline InPhases<Real> phase_currents(const Currents<Real>& i, const Complex<Real>& axis) {
+    const Real alpha = axis.re * i.d - axis.im * i.q;
+    const Real beta = axis.im * i.d + axis.re * i.q;
     return in_phases<legs>(alpha, beta);
 }
 
@@ -176,22 +183,27 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
     return result;
 }
 
+template <class Real>
+[[gnu::always_inline]] inline Real least(const Real& a, const Real& b) {
+    return select(a > b, b, a);
+}
+
 // The mean of the same pulses over the period. dead_share: the dead time's share of the period.
-template <std::size_t legs>
-[[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, double device_drop, const Legs<legs>& duty,
-                                                 const Legs<legs>& last, const Legs<legs>& current, const Carrier& carrier) {
-    const double rise_share = carrier.rises ? dead_share : 0.0, fall_share = carrier.falls ? dead_share : 0.0;
-    Legs<legs> u;
+template <std::size_t legs, class Real>
+[[gnu::always_inline]] inline Voltage<Real> averaged(const Real& bus_voltage, const Real& dead_share, const Real& device_drop,
+                                                     const Legs<legs, Real>& duty, const Legs<legs, Real>& last,
+                                                     const Legs<legs, Real>& current, const Carrier& carrier) {
+    const Real none(0.0), rise_share = carrier.rises ? dead_share : none, fall_share = carrier.falls ? dead_share : none;
+    Legs<legs, Real> u;
     for (std::size_t x = 0; x < legs; ++x) {
-        double share = duty[x];
-        if (duty[x] > 0.0 && duty[x] < 1.0) {
-            // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
-            share += current[x] >= 0.0 ? -std::min(carrier.stays(last[x]) ? 0.0 : rise_share, share)
-                                       : std::min(fall_share, (1.0 - carrier.before) * (1.0 - share));
-        }
+        // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
+        const Real stays = carrier.before <= 0.0 ? select(last[x] >= Real(1.0), none, rise_share) : rise_share;
+        const Real later = least(fall_share, (1.0 - carrier.before) * (1.0 - duty[x]));
+        const Real delayed = duty[x] + select(current[x] >= none, -least(stays, duty[x]), later);
+        const Real share = select((duty[x] > none) & (Real(1.0) > duty[x]), delayed, duty[x]);
         u[x] = bus_voltage * share - dropped(device_drop, current[x]);
     }
-    return stationary(u);
+    return stationary<Real>(u);
 }
 
 }  // namespace cogless

@@ -9,17 +9,21 @@ namespace {
 template <class Real>
 class Plants : public LanePlants {
 public:
-    Plants(const std::vector<const Plant*>& plants, Detail detail) : equations_(equations_of(plants)), detail_(detail) {}
+    Plants(const std::vector<const Plant*>& plants, Detail detail, std::size_t legs)
+        : equations_(equations_of(plants)), detail_(detail), legs_(legs) {}
 
-    static std::unique_ptr<LanePlants> make(const std::vector<const Plant*>& plants, Detail detail) {
-        return std::make_unique<Plants>(plants, detail);
+    static std::unique_ptr<LanePlants> make(const std::vector<const Plant*>& plants, Detail detail, std::size_t legs) {
+        return std::make_unique<Plants>(plants, detail, legs);
     }
 
     View view() override {
         PlantState<Real>& x = s_.x;
-        return {first(x.theta_m), first(x.omega_m), first(s_.here.axis.re), first(s_.here.axis.im),
-                first(x.i.d), first(x.i.q), first(x.load.torque), first(x.load.target),
-                first(u_.alpha), first(u_.beta)};
+        LaneInverter<Real>& v = inverter_;
+        return {first(x.theta_m), first(x.omega_m), first(x.i.d), first(x.i.q), first(x.load.torque), first(x.load.target),
+                {first(v.current[0]), first(v.current[1]), first(v.current[2])},
+                {first(v.duty[0]), first(v.duty[1]), first(v.duty[2])},
+                {first(v.last[0]), first(v.last[1]), first(v.last[2])},
+                first(v.bus_voltage), first(v.dead_share), first(v.device_drop), first(u_.alpha), first(u_.beta)};
     }
 
     void put(std::size_t lane, const PlantState<>& x, const AtAngle<double>& here) override {
@@ -31,6 +35,9 @@ public:
         const_cast<Plants*>(this)->each(x, here, [lane](Real& from, double& to) { to = from[lane]; });
         x.stuck = s_.x.stuck[lane];
     }
+
+    void measure() override { lane_currents(s_, inverter_, legs_); }
+    void apply(const Carrier& carrier) override { lane_voltage(inverter_, u_, carrier, legs_); }
 
     std::uint32_t step(double h) override { return lane_step(equations_, s_, u_, h, detail_); }
 
@@ -69,7 +76,9 @@ private:
 
     Equations<Real> equations_;
     Detail detail_;
+    std::size_t legs_;
     LaneStates<Real> s_{};
+    LaneInverter<Real> inverter_{};
     Voltage<Real> u_{};
 };
 

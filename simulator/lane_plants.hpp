@@ -2,12 +2,14 @@
 // bits that the plant alone would give.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "inverter.hpp"
 #include "plant.hpp"
 
 namespace cogless {
@@ -16,15 +18,22 @@ class LanePlants {
 public:
     // Arrays with an entry for each lane.
     struct View {
-        const double *theta_m, *omega_m, *axis_re, *axis_im;
+        const double *theta_m, *omega_m;
         double *i_d, *i_q, *load_torque, *load_target;
-        double *u_alpha, *u_beta;  // V, during the next step; they have no effect if the currents are given
+        std::array<const double*, 3> current;                // A, out of the inverter's phases, by measure()
+        std::array<double*, 3> duty, last;                   // of averaged(), for apply(), as the next three
+        double *bus_voltage, *dead_share, *device_drop;      // V, 1, V
+        const double *u_alpha, *u_beta;                      // V, during the next step, by apply()
     };
 
     virtual ~LanePlants() = default;
     virtual View view() = 0;
     virtual void put(std::size_t lane, const PlantState<>& x, const AtAngle<double>& here) = 0;
     virtual void get(std::size_t lane, PlantState<>& x, AtAngle<double>& here) const = 0;
+    // The phase currents of now.
+    virtual void measure() = 0;
+    // The inverter's voltages from now on. Without a call they are zero, which has no effect if the currents are given.
+    virtual void apply(const Carrier& carrier) = 0;
     // Advances all lanes by the nominal step h, each with its voltage, but those in which the rotor stops or breaks away within
     // it; these stay as they are. Returns them as bits.
     virtual std::uint32_t step(double h) = 0;
@@ -34,7 +43,7 @@ public:
 struct LaneKernel {
     std::string name;
     std::size_t lanes;
-    std::unique_ptr<LanePlants> (*make)(const std::vector<const Plant*>& plants, Detail detail);
+    std::unique_ptr<LanePlants> (*make)(const std::vector<const Plant*>& plants, Detail detail, std::size_t legs);
 };
 
 // Those that this processor has, the widest first.

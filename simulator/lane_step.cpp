@@ -11,6 +11,7 @@ using Real = COGLESS_LANES;
 
 struct Exact {
     static constexpr bool share_angles = true;
+    static constexpr bool brief = false;
     const AngleFunctions<Real>& angle;
     bool needed;
 
@@ -60,7 +61,21 @@ std::uint32_t step(const Equations<Real>& equations, LaneStates<Real>& s, const 
     return 0;
 }
 
+template <std::size_t legs>
+Voltage<Real> voltage(const LaneInverter<Real>& v, const Carrier& carrier) {
+    return averaged<legs>(v.bus_voltage, v.dead_share, v.device_drop, leg_duties<legs>(v.duty), leg_duties<legs>(v.last),
+                          leg_currents<legs>(v.current), carrier);
+}
+
 }  // namespace
+
+void lane_currents(const LaneStates<Real>& s, LaneInverter<Real>& v, std::size_t legs) {
+    v.current = legs == star_legs ? phase_currents<star_legs>(s.x.i, s.here.axis) : phase_currents<bridge_legs>(s.x.i, s.here.axis);
+}
+
+void lane_voltage(const LaneInverter<Real>& v, Voltage<Real>& u, const Carrier& carrier, std::size_t legs) {
+    u = legs == star_legs ? voltage<star_legs>(v, carrier) : voltage<bridge_legs>(v, carrier);
+}
 
 std::uint32_t lane_step(const Equations<Real>& equations, LaneStates<Real>& s, const Voltage<Real>& u, double h,
                         Detail detail) {

@@ -44,7 +44,7 @@ void LinearTrials::restart(LinearTrialsState& s, const LinearPhase& phase, std::
 void LinearTrials::advance(LinearTrialsState& s, Recorder& recorder, std::int64_t ticks) const {
     const std::int64_t samples = config_.trials.samples, end = s.tick + ticks;
     require_trials(config_.trials, end);
-    recorder.reserve(ticks);
+    recorder.reserve(s.tick, ticks);
     while (s.tick < end) {
         const std::int64_t trial = s.tick / samples, origin = trial * samples;
         const LinearPhase& phase = config_.phases[phase_of(config_.phases, trial)];

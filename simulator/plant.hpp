@@ -35,6 +35,7 @@ public:
     class Exact {
     public:
         static constexpr bool share_angles = true;
+        static constexpr bool brief = false;
 
         explicit Exact(const Plant& plant) : plant_(plant), needed_(detail != Detail::mechanics || plant.angle().ripples()) {}
 

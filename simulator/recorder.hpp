@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "every.hpp"
+#include "row_memory.hpp"
 
 namespace cogless {
 
@@ -20,35 +20,43 @@ class Recorder {
 public:
     // rows: the expected number. More rows are recorded too, but then memory is allocated.
     Recorder(std::size_t columns, std::int64_t decimation, std::size_t rows)
-        : columns_(columns), decimation_(decimation) {
-        data_.reserve(rows * columns);
-    }
+        : columns_(columns), decimation_(decimation), data_(rows * columns) {}
 
     bool wants(std::int64_t tick) const { return tick % decimation_ == 0; }
     // The same of each tick from `first` on.
     Every rows(std::int64_t first) const { return {decimation_, first}; }
 
-    // Reserves memory for a run of `ticks` periods, so that nothing is allocated within it.
-    void reserve(std::int64_t ticks) {
-        const auto rows = static_cast<std::size_t>(ticks / decimation_ + 1);
-        const std::size_t needed = data_.size() + rows * columns_;
-        if (needed > data_.capacity()) data_.reserve(std::max(needed, 2 * data_.capacity()));
+    // Reserves memory for a run of `ticks` periods from `first` on, so that nothing is allocated within it. per_period: rows of a
+    // period in which a row is due.
+    void reserve(std::int64_t first, std::int64_t ticks, int per_period = 1) {
+        const std::int64_t due = rows_before(first + ticks) - rows_before(first);
+        const std::size_t needed = used_ + static_cast<std::size_t>(due * per_period) * columns_;
+        if (needed > data_.size()) grow(needed);
     }
 
     double* next_row() {
-        data_.resize(data_.size() + columns_);
-        return data_.data() + data_.size() - columns_;
+        if (used_ + columns_ > data_.size()) grow(used_ + columns_);
+        used_ += columns_;
+        return data_.data() + used_ - columns_;
     }
 
     std::size_t columns() const { return columns_; }
 
     // Returns the recorded rows, and starts with an empty record.
-    std::vector<double> take() { return std::exchange(data_, {}); }
+    Rows take() {
+        data_.resize(std::exchange(used_, 0));
+        return std::exchange(data_, {});
+    }
 
 private:
+    std::int64_t rows_before(std::int64_t tick) const { return (tick + decimation_ - 1) / decimation_; }
+
+    void grow(std::size_t needed) { data_.resize(std::max(needed, 2 * data_.size())); }
+
     std::size_t columns_;
     std::int64_t decimation_;
-    std::vector<double> data_;
+    Rows data_;
+    std::size_t used_ = 0;  // numbers of data_ that are recorded
 };
 
 }  // namespace cogless

@@ -41,7 +41,7 @@ struct Engine {
 
 std::optional<Engine> engine;
 std::vector<double> room;  // what the host hands over
-std::vector<double> rows;  // what it gets
+Rows rows;                 // what it gets
 std::string names;         // of the signals, each with its unit
 std::optional<Stored> kept;
 

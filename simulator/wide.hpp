@@ -37,6 +37,11 @@ struct alignas(8 * width) Wide {
 
         [[gnu::always_inline]] bool operator[](std::size_t lane) const { return bits[lane / width][lane % width] != 0; }
         [[gnu::always_inline]] void set(std::size_t lane, bool value) { bits[lane / width][lane % width] = value ? -1 : 0; }
+        [[gnu::always_inline]] friend Mask operator&(const Mask& a, const Mask& b) {
+            Mask both;
+            for (std::size_t r = 0; r < registers; ++r) both.bits[r] = a.bits[r] & b.bits[r];
+            return both;
+        }
         [[gnu::always_inline]] bool any() const {
             Mask all = *this;
             for (std::size_t r = 1; r < registers; ++r) all.bits[0] |= bits[r];
@@ -87,11 +92,15 @@ struct alignas(8 * width) Wide {
         return c;
     }
     [[gnu::always_inline]] friend Wide magnitude(const Wide& a) { return select(a > Wide(0.0), a, -a); }
-    [[gnu::always_inline]] friend Mask operator>(const Wide& a, const Wide& b) {
-        Mask m;
-        for (std::size_t r = 0; r < registers; ++r) m.bits[r] = a.part[r] > b.part[r];
-        return m;
+#define COGLESS_COMPARISON(op)                                                          \
+    [[gnu::always_inline]] friend Mask operator op(const Wide& a, const Wide& b) {      \
+        Mask m;                                                                         \
+        for (std::size_t r = 0; r < registers; ++r) m.bits[r] = a.part[r] op b.part[r]; \
+        return m;                                                                       \
     }
+    COGLESS_COMPARISON(>)
+    COGLESS_COMPARISON(>=)
+#undef COGLESS_COMPARISON
 };
 
 // A few numbers at once, on any processor.

@@ -13,6 +13,6 @@ int main() {
     cogless::DriveState state = drive.start();
     cogless::Recorder recorder(drive.signals().size(), 1, ticks);
     drive.advance(state, recorder, ticks);
-    const std::vector<double> rows = recorder.take();
+    const cogless::Rows rows = recorder.take();
     return std::fwrite(rows.data(), sizeof(double), rows.size(), stdout) == rows.size() ? 0 : 1;
 }

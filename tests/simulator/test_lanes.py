@@ -82,6 +82,7 @@ def variants(count: int, seed: int, **change: Any) -> list[Any]:
             "load": THIRD,
         },
         {"motor": RIPPLE, "drive": {"inverter": {"pwm": "two-updates", "dead_time": 2e-6}}},
+        {"motor": RIPPLE, "drive": {"inverter": {"dead_time": 2e-6, "device_drop": 0.7}}},
         {
             "motor": RIPPLE,
             "reference": REVERSING,
@@ -100,6 +101,7 @@ def variants(count: int, seed: int, **change: Any) -> list[Any]:
         "open bridge",
         "two phases",
         "two updates",
+        "dead time and drop",
         "short pulses",
     ],
 )
@@ -162,6 +164,7 @@ def test_drives_that_differ_in_kind_do_not_go_together() -> None:
     base = made({})
     for change in (
         {"drive": {"inverter": {"kind": "switched"}}},
+        {"drive": {"inverter": {"pwm": "edge"}}},
         {"drive": {"integration_steps": 2}},
         {"drive": {"current_rate": 20000}},
         {"energy": True},

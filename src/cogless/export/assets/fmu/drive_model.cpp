@@ -112,7 +112,7 @@ void run_ahead(fmu_model& model, double value[]) {
     cogless::Recorder recorder(model.drive->signals().size(), 1, 1);
     model.outside.output = asked_for(value);
     model.drive->advance(model.next, recorder, 1, model.external ? &model.outside : nullptr);
-    const std::vector<double> row = recorder.take();
+    const cogless::Rows row = recorder.take();
     // the first is the time; rows within the period may follow
     std::copy_n(row.begin() + 1, model.drive->signals().size() - 1, value + FMU_FIRST_SIGNAL);
     put_measurements(model.next, value);
