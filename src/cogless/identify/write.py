@@ -170,4 +170,4 @@ def _study(estimate: Estimate) -> str:
         f"# encoder's error, order {wave.order}: {value_text(wave.size.times(1 / DEGREE), 'deg')}"
         for wave in estimate.encoder
     ]
-    return "\n".join([*_head(estimate), *notes, "", plan.text(tables)])
+    return "\n".join([*_head(estimate), *notes, "", plan.to_toml(tables)])
