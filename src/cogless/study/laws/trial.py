@@ -177,7 +177,8 @@ class StateIlc(FilteredLaw):
 
     @property
     def design_settings(self) -> dict[str, Any]:
-        parts = {"structure": "input", "integral": False, "feedforward": False}
+        # the prediction of this law leaves out that what was learned moves along
+        parts = {"structure": "input", "integral": False, "feedforward": False, "basis_functions": False}
         return {"kind": "state", **parts, "K_s": self.K_stab, "K_3": self.K_ilc, **super().design_settings}
 
     def check_trials(self, study: StudyOfTrials, name: str) -> None:
