@@ -251,7 +251,7 @@ def judge(seed: int, number: int) -> Changes:
         "row": row,
         "worse": worse,
         "law": config["controller.law"]["law"],
-        "said": found.words(),
+        "said": found.in_words(),
         "ratio": found.ratio,
         "time": time,
         "learned": learned,

@@ -176,7 +176,7 @@ def scored(
             }
             begin, made = time.process_time(), None
             with tempfile.TemporaryDirectory() as folder:
-                paths = plant.write(Path(folder), logs, plan.text(plant.columns(motor, every_key)))
+                paths = plant.write(Path(folder), logs, plan.to_toml(plant.columns(motor, every_key)))
                 try:
                     made = identified(paths, Path(folder) / "id.toml", lambda what, share: None).estimate
                 except StudyError as error:

@@ -180,17 +180,19 @@ class Recorded:
 
 def recorded(tables: dict[str, Any], folder: Path, random: Random) -> Recorded:
     """Simulate the planned logs of the motor of these tables."""
-    (folder / "motor.toml").write_text(plan.text(tables), encoding="utf-8")
+    (folder / "motor.toml").write_text(plan.to_toml(tables), encoding="utf-8")
     truth = load(folder / "motor.toml")
     assert isinstance(truth, Study)
     play, _ = plan.tables(truth)
     every = round(RATE / units.parse(play["trace"]["rate"], units.FREQUENCY))
-    (folder / "study.toml").write_text(plan.text({**play, "trace": {"rate": f"{RATE} Hz"}}), encoding="utf-8")
-    (folder / "known.toml").write_text(plan.text(typed_in(tables)), encoding="utf-8")
+    (folder / "study.toml").write_text(
+        plan.to_toml({**play, "trace": {"rate": f"{RATE} Hz"}}), encoding="utf-8"
+    )
+    (folder / "known.toml").write_text(plan.to_toml(typed_in(tables)), encoding="utf-8")
     _, columns = plan.tables(load(folder / "known.toml"))
     columns["columns"] = {signal: name for signal, name in columns["columns"].items() if name in LOGGED}
     columns["log"] = [{**rule, "file": f"{rule['file']}.npz"} for rule in columns["log"]]
-    (folder / "id.toml").write_text(plan.text(columns), encoding="utf-8")
+    (folder / "id.toml").write_text(plan.to_toml(columns), encoding="utf-8")
     (results,) = rollout([load(folder / "study.toml")], jobs=1)
     late, star = int(random.integers(0, LATEST)), truth.motor.star()
     paths = []

@@ -22,7 +22,7 @@ from pil_tables import PAGE as COSTS
 import cogless
 from cogless.ensemble.arena_scores import RPM, SCORE_COLUMNS, Scores
 from cogless.results.limits import AND, CAUSES
-from cogless.run.causes import LONGER_FACTOR
+from cogless.run.suspects import LONGER_FACTOR
 from cogless.study.toml import toml
 
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %

@@ -12,14 +12,20 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
+
+if TYPE_CHECKING:
+    from browser import Browser
 
 ROOT = Path(__file__).parents[1]
 COMMAND = "python docs/screenshots.py"
 STUDY = ROOT / "examples" / "my_motor.toml"
 WIDTH, HEIGHT = 1300, 1150
+COLOURS = 256  # of a palette: with fewer, small coloured texts become grey
+STILL = {"name": "prefers-reduced-motion", "value": "reduce"}
 
 
 def source() -> str:
@@ -32,6 +38,18 @@ def source() -> str:
     return found.hexdigest()[:16]
 
 
+def picture(shown: Browser, page: Path) -> Image.Image:
+    """A page as it opens, with its rotors at rest: the same picture each time."""
+    shown.devtools("Emulation.setEmulatedMedia", features=[STILL])
+    shown.devtools("Emulation.setScrollbarsHidden", hidden=True)
+    shown.open(page, WIDTH, HEIGHT)
+    while not shown.run("return window.cogless ? cogless.isIdle() : false"):
+        time.sleep(0.1)
+    taken = shown.devtools("Page.captureScreenshot")
+    with Image.open(io.BytesIO(base64.b64decode(taken["data"]))) as image:
+        return image.convert("RGB")
+
+
 def main() -> None:
     sys.path.insert(0, str(ROOT / "tests"))
     from browser import browser
@@ -42,16 +60,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, browser(Path(folder)) as shown:
         page = Path(folder) / "page.html"
         write(load(STUDY), page, "cogless run my_motor.toml")
-        shown.open(page, WIDTH)
-        while not shown.run("return window.cogless ? cogless.isIdle() : false"):
-            time.sleep(0.1)
-        clip = {"x": 0, "y": 0, "width": WIDTH, "height": HEIGHT, "scale": 1}
-        taken = shown.devtools("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
+        image = picture(shown, page)
     about = PngInfo()
     about.add_text("Source", source())
-    with Image.open(io.BytesIO(base64.b64decode(taken["data"]))) as image:
-        small = image.convert("RGB").quantize(64)
-        small.save(ROOT / "docs" / "images" / "live.png", pnginfo=about, optimize=True)
+    small = image.quantize(COLOURS, dither=Image.Dither.NONE)
+    small.save(ROOT / "docs" / "images" / "live.png", pnginfo=about, optimize=True)
 
 
 if __name__ == "__main__":

@@ -32,9 +32,9 @@ class Browser:
         self.session = ""
         self.session = f"/session/{self._post('/session', wanted)['sessionId']}"
 
-    def open(self, path: Path, width: int) -> None:
+    def open(self, path: Path, width: int, height: int = 900) -> None:
         """A page in a window of exactly so many pixels."""
-        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.devtools("Emulation.setDeviceMetricsOverride", **size)
         self._post("/url", {"url": path.resolve().as_uri()})
 

@@ -34,9 +34,11 @@ WORK = FOLDER / "work"  # what commands write; its path stands in their output
 COLUMNS = 80
 LINES_SHOWN = 6  # of each file that differs
 WRONG_VALUES = (-1, 1e30, "nonsense", {})
-# Run ids, SHA-256 and versions depend on when, where and by which release a file is written.
+# Run ids, SHA-256 and versions depend on when, where and by which release a file is written. A page's own
+# hashes are those of its scripts, which are left out, too.
 ACCIDENTS = re.compile(
-    r'(?<!\.)\b[0-9a-f]{16}\b|\b[0-9a-f]{64}\b|"(?:cogless|python|numpy|version)": *"[^"]*"'
+    r"(?<!\.)\b[0-9a-f]{16}\b|\b[0-9a-f]{64}\b|\bsha256-[\w+/]{43}="
+    r'|"(?:cogless|python|numpy|version)": *"[^"]*"'
 )
 
 

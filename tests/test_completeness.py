@@ -19,7 +19,7 @@ from cogless.report import SECTIONS
 from cogless.results.metrics import METRIC_FUNCTIONS
 from cogless.results.runs import RESULTS
 from cogless.run.carry_out import RUNS
-from cogless.run.plan import PLANS
+from cogless.run.run_plan import PLANS
 from cogless.study import load
 from cogless.study.base import Kind, StudyBase
 from cogless.study.laws import AnyController

@@ -34,6 +34,8 @@ def test_what_only_another_run_alters_is_no_difference(tmp_path: Path) -> None:
     third = {
         "results.json": '"run": "fedcba9876543210", "version": "0.2.0", "ripple_rad_s": 0.2512345678901234'
     }
+    for hash_digit, files in zip("abc", (first, second, third), strict=True):
+        files["live-data.txt"] = f"script-src 'sha256-{hash_digit * 43}='"
     kept, now, moved = (
         folder(tmp_path, name, files) for name, files in (("a", first), ("b", second), ("c", third))
     )

@@ -3,24 +3,9 @@
 import pytest
 import style
 
-# How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
-PLACES_MOST = {
-    "constant_with_several_values": 0,
-    "number_of_one_word": 1,
-    "vague_local": 4,
-    "vague_argument": 0,
-    "vague_function": 27,
-    "many_positional_arguments": 1,
-    "fragment_of_a_comment": 0,
-    "alias_defined_again": 0,
-    "type_test_of_a_study": 5,
-    "comparison_of_a_kind_of_study": 3,
-    "type_test_of_a_law": 32,
-    "message_taken_apart": 5,
-    "number_copied_from_c": 0,
-    "unit_factor_written_out": 0,
-    "file_name_used_again": 3,
-    "small_file": 1,
+# How often a rule may be broken, with the reason. Lower a number when the test asks for it; none is raised.
+PLACES_MOST = dict.fromkeys((rule.__name__ for rule in style.RULES), 0) | {
+    "vague_function": 1,  # `cogless.lines` is a public name, which users call
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)
@@ -28,7 +13,7 @@ LONG = "\n" * (style.SMALL_FILE_LINES + 1)
 BROKEN = {
     "constant_with_several_values": ("GRID_POINTS = 1\n", "GRID_POINTS = 2\n"),
     "number_of_one_word": ("GRID = 100\nGRID_POINTS = 100\nTITLE = 'x'\n",),
-    "vague_local": ("found = 1\nfoundation = 1\n",),
+    "vague_local": ("found = 1\nfoundation = 1\nclass Source:\n    about: str\n",),
     "vague_argument": ("def f(known: int, unknown: int) -> None: ...\n",),
     "vague_function": ("def _of(x: int) -> None: ...\ndef offset(x: int) -> None: ...\n",),
     "many_positional_arguments": (

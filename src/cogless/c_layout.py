@@ -27,6 +27,10 @@ POINTER = struct.calcsize("P")
 class MisfitError(ValueError):
     """A number that its place in a C struct can't hold; the message names the member."""
 
+    def __init__(self, member: str, number: Any, c_type: str) -> None:
+        self.expected = f"expected a value of {c_type}"
+        super().__init__(f"{member}: {number!r}: {self.expected}")
+
 
 @dataclass(frozen=True)
 class Leaf:
@@ -182,7 +186,7 @@ class Layout:
             try:
                 struct.pack(f"={leaf.format}", number)
             except (struct.error, OverflowError, TypeError):
-                return MisfitError(f"{name}.{leaf.path}: {number!r}: expected a value of {leaf.type}")
+                return MisfitError(f"{name}.{leaf.path}", number, leaf.type)
         raise AssertionError(name)
 
     def _count(self, name: str) -> int:

@@ -8,6 +8,11 @@ from typing import Any, Self
 EXIT_DEFECT, EXIT_WRONG, EXIT_INTERRUPTED = 1, 2, 130  # exit codes
 
 
+def first_line(error: BaseException) -> str:
+    """The first line of any exception's text that is not blank; "" if there is none."""
+    return next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+
+
 class StudyError(Exception):
     """A mistake in a study or on the command line, as `FILE: key: VALUE: expected ...`; one line per mistake.
 
@@ -26,6 +31,11 @@ class StudyError(Exception):
     def mistakes(self) -> Sequence[str]:
         """The text, a line for each mistake."""
         return str(self).splitlines()
+
+    @property
+    def expected(self) -> str:
+        """What the first mistake's line says was expected: its last part."""
+        return self.mistakes[0].rpartition(": ")[2]
 
     def text_without(self, file: object) -> str:
         """The text without the name of this file or key, for where that is known."""

@@ -103,7 +103,7 @@ def test_where_all_speeds_snap_the_certificate_says_it(uomodri: Study) -> None:
     speeds = tuple(replace(speed, snaps="since the rotor snaps") for speed in whole.certificate.speeds)
     certificate = replace(whole.certificate, speeds=speeds)
     said = words_of(uomodri, "harmonic", replace(whole, certificate=certificate))
-    assert said == certificate.words() == "not judged: since the rotor snaps"
+    assert said == certificate.in_words() == "not judged: since the rotor snaps"
 
 
 def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:

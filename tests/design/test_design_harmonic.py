@@ -211,14 +211,14 @@ def test_a_law_without_gains_is_offered_its_rule():
 def test_a_motor_that_rests_has_a_certificate_without_infinite_numbers():
     resting = {f"scenario.{key}.{what}": "0 rpm" for key in load("uomodri").scenario for what in SPEEDS}
     made = certificate(study(**resting, metric=[]), "harmonic")
-    assert "all references are too slow" in made.words() and made.speeds == () and made.fine
+    assert "all references are too slow" in made.in_words() and made.speeds == () and made.fine
 
 
 def test_the_certificate_tells_up_to_which_speed_an_eccentric_sensor_is_found():
     """At 72 waves a turn and 5 kHz 0.5105 rad a sample are 338 r/min."""
     made = certificate(study(), "harmonic")
     assert made.straight is not None and made.straight / RPM == pytest.approx(338.5, abs=0.1)
-    assert "learns an eccentric sensor's error up to 338.5 rpm" in made.words()
+    assert "learns an eccentric sensor's error up to 338.5 rpm" in made.in_words()
     assert certificate(study(**{"controller.harmonic": BASE_2}), "harmonic").straight is None
 
 
@@ -236,7 +236,7 @@ def test_the_certificate_is_shown():
     made = summary(here)["harmonic"]
     assert (
         "at 15 rpm orders to 432 begin to learn at 4.34 1/s, settle together below 10.3 1/s and converge "
-        "with K_t/J 50 % off (Re Gamma 0.66" in made.words()
+        "with K_t/J 50 % off (Re Gamma 0.66" in made.in_words()
     )
     assert certificate(here, "harmonic").fine
     as_json = design_dict(made)
@@ -316,7 +316,7 @@ def test_orders_that_a_soft_shaft_turns_are_held():
     here = load("two-mass-axis", {"controller.harmonic": by_hand})
     made = certificate(here, "harmonic")
     (held,) = {each.held_orders for each in made.speeds}
-    assert held[0] == 60 and held[-1] > 90 and made.fine and "learns no order from 58.7 to" in made.words()
+    assert held[0] == 60 and held[-1] > 90 and made.fine and "learns no order from 58.7 to" in made.in_words()
     short = {"scenario.motor-sensor.duration": "12 s", "metric": []}
     still = {**by_hand, "learning_start": "1e6 s"}
     left = []
@@ -374,7 +374,7 @@ def test_slow_orders_are_named_and_do_not_veto_the_others(rate: str, speed: floa
     study = load(path, {**turning, **rates, **fine})
     (each,) = certificate(study, "harmonic").speeds
     assert each.slow == (2, slow) and each.gamma > 0 and each.acting == 256
-    assert "too slow to be judged" in certificate(study, "harmonic").words()
+    assert "too slow to be judged" in certificate(study, "harmonic").in_words()
     ripple = {
         name: float(np.std(trace["omega_m"][len(trace) // 2 :]))
         for name in ("pi", "harmonic")

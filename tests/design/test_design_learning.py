@@ -182,7 +182,7 @@ def test_a_delay_line_halfway_between_two_samples_smooths_what_it_recalls() -> N
     poles = study.motor.pole_pairs if study.controller["pi-ilc"].period == "electrical" else 1
     loop = PeriodicLoop(study, "pi-ilc", 2 * math.pi / (200.5 * T * poles))
     f = np.arange(1, 60) * loop.periods_per_second
-    kept, recalled = loop.kept(f), loop.q(f) * np.cos(np.pi * f * T)
+    kept, recalled = loop.share_kept(f), loop.q(f) * np.cos(np.pi * f * T)
     left = (1 - recalled) / (1 - recalled * kept) * (1 if loop.lead else kept)
     np.testing.assert_allclose(loop.residual(f), np.abs(left), rtol=1e-9)
 
@@ -202,7 +202,7 @@ def test_what_learns_from_the_sign_keeps_an_oscillation_alive_and_is_told(beta_1
         tried = changed(study, {f"controller.robust-ilc.{key}": value for key, value in more.items()})
         (run,) = run_study(tried, ["1-rev-s/robust-ilc"]).runs
         left.append(float(np.std(run.trace["omega_error"][-10_000:])))
-    told = known(changed(study, {"controller.robust-ilc.beta_1": beta_1}), "robust-ilc").words()
+    told = known(changed(study, {"controller.robust-ilc.beta_1": beta_1}), "robust-ilc").in_words()
     assert (left[0] > 1.25 * left[1]) == worse
     assert told == (
         "settles; not sure: the term beta_1 sgn S keeps a ripple of 0.33 rev/s rms or more alive, at 885 Hz"

@@ -70,7 +70,7 @@ def test_an_order_grows_by_the_factor_that_is_foretold() -> None:
     assert found.kind == "grows" and found.worst is not None
     assert found.worst.frequency == pytest.approx(576, abs=1)
     assert slope(amplitudes(study, 144, 4.0)[2:10]) == pytest.approx(found.worst.factor, rel=0.03)
-    assert found.words() in str(warnings(study, "s", "pi-afc")[0])
+    assert found.in_words() in str(warnings(study, "s", "pi-afc")[0])
 
 
 def test_an_order_settles_by_the_factor_that_is_foretold() -> None:
@@ -97,7 +97,7 @@ def test_too_large_a_gain_is_unstable_although_each_order_alone_would_settle() -
     assert known(small).kind == "settles"
     found = known(large)
     assert found.kind == "unstable" and found.unstable is not None
-    assert found.words().endswith('gain = "25 A/rad" repairs it')
+    assert found.in_words().endswith('gain = "25 A/rad" repairs it')
     trace = simulate(large, "s", "pi-afc").trace
     late = trace.window(2, 3)
     assert np.std(trace["omega_m"][late]) > 5

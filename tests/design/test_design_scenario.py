@@ -45,7 +45,7 @@ def test_learning_is_judged_with_the_plant_of_the_scenario() -> None:
     assert known(told, "angle").kind == "settles"
     found = known(other, "angle")
     assert found.kind == "grows"
-    assert found.words() in str(warnings(other, "varying", "angle")[0])
+    assert found.in_words() in str(warnings(other, "varying", "angle")[0])
     without = changed(other, {"controller.angle.learning": False})
     alone = changed(other, {"drive.guard": False})
     of_feedback = ripple(without, "varying", "angle")
@@ -132,7 +132,7 @@ def test_a_law_that_hands_its_integral_over_is_compared_with_the_feedback_that_h
     off = ripple(changed(study, {"controller.mine.learning": False}), "turn", "mine")
     assert off == pytest.approx(foreseen(loop, 16.0).without, rel=0.01)
     assert ripple(study, "turn", "mine") / off == pytest.approx(found.ratio, rel=0.05)
-    assert found.words() == "settles, but leaves 4.2 times the speed ripple of its feedback alone"
+    assert found.in_words() == "settles, but leaves 4.2 times the speed ripple of its feedback alone"
 
 
 @pytest.mark.parametrize(("rpm", "method", "told"), [(1, "MT", True), (10, "MT", False), (1, "M", True)])
@@ -177,7 +177,7 @@ def test_a_speed_law_whose_load_is_beyond_eta_bar_may_not_learn(start: str) -> N
     law = {"controller.proven.k": 7.0, "controller.proven.learning_start": start}
     study = load("verrelli2016-speed", {"scenario": {"arm": arm}, **law, "metric": []})
     found = known(study, "proven")
-    assert not found.fine and "above eta_bar: it may never learn" in found.words()
+    assert not found.fine and "above eta_bar: it may never learn" in found.in_words()
     trace = simulate(study, "arm", "proven").trace
     learned = float(np.max(np.abs(trace["term_alpha"])))
     assert learned == 0.0 if start == "2 s" else learned > 1.0

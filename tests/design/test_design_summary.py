@@ -16,14 +16,15 @@ from cogless.design.verdict import Verdict
 def test_a_design_says_up_to_which_speed_it_learns() -> None:
     found = Verdict("settles", unit="rpm")
     one = Design("pi-ilc", None, {}, None, found, fastest=math.tau)
-    assert one.words() == "settles; learns up to 60 rpm"
+    assert one.in_words() == "settles; learns up to 60 rpm"
     fine = Design("pi-ilc", None, {}, None, Verdict("settles"), fastest=1.23456789)
-    assert fine.words() == "settles; learns up to 1.23457 rad/s"
-    assert Design("pi-ilc", None, {}, None, found).words() == "settles"
-    assert Design("pi", None, {}, None, None, fastest=math.tau).words() == ""
-    certified: Any = SimpleNamespace(words=lambda: "all settle")
+    assert fine.in_words() == "settles; learns up to 1.23457 rad/s"
+    assert Design("pi-ilc", None, {}, None, found).in_words() == "settles"
+    assert Design("pi", None, {}, None, None, fastest=math.tau).in_words() == ""
+    certified: Any = SimpleNamespace(in_words=lambda: "all settle")
     assert (
-        Design("harmonic", None, {}, None, found, fastest=1.0, certificate=certified).words() == "all settle"
+        Design("harmonic", None, {}, None, found, fastest=1.0, certificate=certified).in_words()
+        == "all settle"
     )
 
 

@@ -111,7 +111,7 @@ def test_a_reference_that_turns_back_is_told_where_it_bursts_and_how_not_to(refe
     study = section_5({**reference, "law.learning_start": "2 s"}, 14.0)
     found, run = known(study), run_of(study)
     assert found.kind == "settles" and found.passing is not None and found.passing.unstable
-    assert str(warnings(study, "filtered")[0]) == found.words()
+    assert str(warnings(study, "filtered")[0]) == found.in_words()
     slow = np.abs(run.trace["omega_ref"][1:-1]) < 0.8 * found.passing.below
     late = run.trace.time[1:-1] > 5.0
     second = np.abs(np.diff(run.trace["i_q"], 2))
@@ -162,7 +162,7 @@ def test_an_integral_that_oscillates_before_learning_takes_over_from_it_is_told(
     study = section_5({"law.k_i": 2e4, "reference": "0.3 rad/s"})
     loop = SpaceLoop(study, "filtered", 0.3)
     assert oscillation(loop.plant, loop.feedback) is None
-    assert known(study).words().startswith("feedback unstable, at 217 Hz")
+    assert known(study).in_words().startswith("feedback unstable, at 217 Hz")
 
 
 def test_the_mildest_repair_is_a_change_or_there_is_none() -> None:
@@ -215,7 +215,7 @@ STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
     ],
 )  # fmt: skip
 def test_a_verdict_is_one_line(found: Verdict, says: str) -> None:
-    assert found.words() == says
+    assert found.in_words() == says
     assert found.fine == (says == "settles")
 
 
@@ -247,7 +247,7 @@ def test_the_filter_that_is_advised_settles_at_all_speeds(name: str, changes: Ch
     found = known(section_5(changes, name=name), name)
     assert found.repair is not None and found.repair.q_half_width is not None
     width = found.repair.q_half_width
-    assert f"q_half_width = {width} repairs it" in found.words()
+    assert f"q_half_width = {width} repairs it" in found.in_words()
     repaired = known(section_5({**changes, "law.q_half_width": width}, name=name), name)
     assert repaired.kind == "settles"
     if width:
@@ -261,15 +261,17 @@ def test_no_filter_is_advised_to_what_is_unstable(q: int) -> None:
         section_5({"drive.rates.speed_loop": "2 kHz", "law.q_half_width": q}, name="filtered-fair"),
         "filtered-fair",
     )
-    assert found.kind == "unstable" and found.repair is None and "q_half_width" not in found.words()
+    assert found.kind == "unstable" and found.repair is None and "q_half_width" not in found.in_words()
 
 
 def test_design_warning_and_report_say_the_same() -> None:
     study = section_5({"law.mu_alpha": 2500.0})
     found = known(study)
     plain = to_dict(study)["controllers"]["filtered"]["learning"]
-    assert plain["loop_unstable"] and plain["verdict"] == found.words() == str(warnings(study, "filtered")[0])
-    assert found.words().startswith("unstable with what learning adds at once, at 1223 Hz")
+    assert plain["loop_unstable"] and plain["verdict"] == found.in_words() == str(
+        warnings(study, "filtered")[0]
+    )
+    assert found.in_words().startswith("unstable with what learning adds at once, at 1223 Hz")
 
 
 def test_what_learns_nothing_or_has_a_period_of_nothing_is_said() -> None:

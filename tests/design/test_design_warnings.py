@@ -11,7 +11,7 @@ from cogless.design.current_needed import carried
 from cogless.design.design_table import design_table
 from cogless.design.warnings import coarse_table, likely_harm, shaft_notes
 from cogless.errors import StudyError
-from cogless.run.plan import plan
+from cogless.run.run_plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.reading import changed

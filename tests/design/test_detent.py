@@ -216,7 +216,7 @@ def test_no_speed_is_promised_where_only_the_back_emf_of_a_turning_rotor_damps(t
 def test_no_learning_is_certified_where_the_rotor_snaps(rpm: float) -> None:
     """Before, the design said that learning converges at 30 r/min. The run there ends worse than the PI."""
     study = step_motor(rpm, 0.2)
-    words = certificate(study, "harmonic").words()
+    words = certificate(study, "harmonic").in_words()
     assert words.startswith("not judged: at") and "whose detents swing the rotor at 137 Hz" in words
     assert not certificate(study, "harmonic").fine
     found = verdict(study, "pi-ilc")

@@ -9,7 +9,7 @@ import pytest
 
 from cogless.design.trials import from_study
 from cogless.design.trials.model import DesignError
-from cogless.study.laws.trial import StateIlc
+from cogless.study.laws.trial import StateIlc, TrialIlc
 
 
 @pytest.mark.parametrize(
@@ -35,16 +35,18 @@ from cogless.study.laws.trial import StateIlc
 )
 def test_a_design_s_error_names_the_study_s_own_key(message: str, plant: Any, key: str) -> None:
     given = None if plant is None else SimpleNamespace(vertex=plant, parameter=[] if plant else ["J"])
-    laws = {"ilc": None, "older": StateIlc.model_construct()}
-    study: Any = SimpleNamespace(source=SimpleNamespace(path="a.toml"), plant=given, controller=laws)
+    study: Any = SimpleNamespace(
+        source=SimpleNamespace(path="a.toml"), plant=given, trial_law={"ilc": TrialIlc}.get
+    )
     text = message.partition(": ")[2]
     found = from_study._study_error(DesignError(message), study, "s", "ilc")
     assert str(found) == f"a.toml: {key}: {text}"
 
 
 def test_the_older_law_has_names_of_its_own_for_its_gains() -> None:
-    laws = {"older": StateIlc.model_construct()}
-    study: Any = SimpleNamespace(source=SimpleNamespace(path="a.toml"), plant=None, controller=laws)
+    study: Any = SimpleNamespace(
+        source=SimpleNamespace(path="a.toml"), plant=None, trial_law={"older": StateIlc}.get
+    )
     for key, own in (("K_s", "K_stab"), ("K_3", "K_ilc"), ("shift", "shift")):
         found = from_study._study_error(DesignError(f"{key}: expected more"), study, "s", "older")
         assert str(found) == f"a.toml: controller.older.{own}: expected more"

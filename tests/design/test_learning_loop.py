@@ -100,8 +100,8 @@ def test_a_lead_is_a_later_error_s_and_what_acts_at_once_a_feedback() -> None:
     for lead in (0, 2):
         assert loop(lead=lead).x(70.0) == pytest.approx(x(70.0, lead))
         assert loop(lead=lead).x(-70.0) == pytest.approx(np.conj(x(70.0, lead)))
-    assert loop().kept(70.0) == pytest.approx(1 / (1 + x(70.0)))
-    assert loop().kept(70.0, 2) == loop(lead=2).kept(70.0) == pytest.approx(1 - x(70.0, 2))
+    assert loop().share_kept(70.0) == pytest.approx(1 / (1 + x(70.0)))
+    assert loop().share_kept(70.0, 2) == loop(lead=2).share_kept(70.0) == pytest.approx(1 - x(70.0, 2))
     integral = 30.0 * T / (1 - np.exp(-2j * np.pi * 70.0 * T))
     assert loop(k_i=30.0).x(70.0) == pytest.approx(x(70.0) * (1 + integral / GAIN))
     assert loop(k_i=30.0).at_once == Linear(ratio=1, k=0.5 + GAIN, k_i=32.0)
@@ -166,7 +166,7 @@ def test_what_comes_again_is_learned_and_what_does_not_may_double(lead: int) -> 
         q = turned * float(here.recalled(f, True))
         kept = 1 - x(f, lead) if lead else 1 / (1 + x(f))
         left = (1 - q) / (1 - q * kept) * (1 if lead else kept)
-        assert here.left(f) == pytest.approx(left)
+        assert here.share_left(f) == pytest.approx(left)
         assert here.residual(f) == pytest.approx(abs(left))
         learned = 0.0  # of a disturbance of one, recalled in the first period
         for n in range(8):
@@ -283,7 +283,7 @@ def test_less_than_a_count_in_a_sample_is_a_doubt(counts: float, told: bool) -> 
 def noisy(lead: int) -> Any:
     """A loop whose responses are the same at all frequencies; while it learns it has half of its feedback."""
     before, after = (SimpleNamespace(ratio=2, response=lambda w, T, c=c: c) for c in (0.6, 0.3))
-    flat = {"gain": lambda w: np.full(len(w), 0.5), "kept": lambda f: np.full(len(f), 0.8 - 0.6j)}
+    flat = {"gain": lambda w: np.full(len(w), 0.5), "share_kept": lambda f: np.full(len(f), 0.8 - 0.6j)}
     flat |= {
         "q": lambda f: np.full(len(f), 0.9),
         "interpolation_gain": lambda f, constant: 0.8 if constant else 0.0,

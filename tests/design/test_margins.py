@@ -169,7 +169,7 @@ def certificate(**changes: object) -> Certificate:
 
 def test_a_certificate_in_one_line() -> None:
     learner = certificate().learner
-    assert certificate().words() == (
+    assert certificate().in_words() == (
         "learns orders 6, 12 to 48; at 60 rpm orders to 42 begin to learn at 2 1/s, settle together below "
         "5.06 1/s and converge with K_t/J 50 % off (Re Gamma 0.39 or more, expected above 0), orders to 36 "
         "converge even with one sample of unknown delay; at 600 rpm orders to 12, except 2 from 24 to 30, "
@@ -178,7 +178,7 @@ def test_a_certificate_in_one_line() -> None:
         "learns up to 3000 rpm"
     )
     assert (
-        certificate(speeds=()).words()
+        certificate(speeds=()).in_words()
         == "not judged: all references are too slow: even the phase of order 48 turns by less than 0.001 rad "
         "a sample"
     )
@@ -189,16 +189,16 @@ def test_a_certificate_in_one_line() -> None:
     )
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)
-    assert more.words() == (
+    assert more.in_words() == (
         "learns orders 6, 12 to 48; at 60 rpm orders to 42, except 24, begin to learn at 2 1/s, settle "
         "together at any rate and converge with K_t/J 50 % off (Re Gamma 0.39 or more, expected above 0), "
         "orders to 36 converge even with one sample of unknown delay; learns no order from 100 to 200 or "
         "from 300 to 400 Hz; learns up to 3000 rpm; learns an eccentric sensor's error up to 30 rpm"
     )
     bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held_orders=(), rate=2.0, most=None)
-    turned = certificate(speeds=(bad,)).words()
+    turned = certificate(speeds=(bad,)).in_words()
     assert "any rate and may not all converge with K_t/J 50 % off (Re Gamma 0.00 or more, " in turned
-    unsure = certificate(speeds=(replace(bad, late=0),)).words()
+    unsure = certificate(speeds=(replace(bad, late=0),)).in_words()
     assert "the lowest order may not converge with one sample of unknown delay; learns up to" in unsure
     good = replace(bad, gamma=0.1)
     for speeds, fine in (

@@ -437,7 +437,7 @@ def test_where_no_filter_is_wide_enough_it_is_forgetting() -> None:
 def test_a_verdict_says_nothing_that_it_isnt_told() -> None:
     left_out = Verdict("settles")
     assert (left_out.omega_m, left_out.varies, left_out.ratio, left_out.unit) == (0.0, False, 1.0, "rad/s")
-    assert left_out.fine and left_out.words() == "settles"
+    assert left_out.fine and left_out.in_words() == "settles"
     assert (
         not Verdict("settles", ratio=HARMFUL_RATIO + 1e-9).fine
         and Verdict("settles", ratio=HARMFUL_RATIO).fine

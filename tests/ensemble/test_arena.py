@@ -458,18 +458,6 @@ def test_a_ripple_that_is_not_finite_never_wins() -> None:
     assert scores.winners("copper_loss") == ["bar"]
 
 
-def test_a_winner_that_changes_with_the_seed_is_named() -> None:
-    found = content({"bar": [1.0, 1.0], "law": [0.5, 0.5]}, "copper_loss_W")
-    found["seeds"] = [0, 1]
-    again = {"bar": 1.0, "law": 2.0}
-    more = [
-        {**r, "seed": 1, "metrics": {"ripple_rad_s": 1.0, "copper_loss_W": again[r["law"]]}}
-        for r in found["runs"]
-    ]
-    found["runs"] += more
-    assert Scores(found).unsteady() == {"copper_loss": {0: ["law"], 1: ["bar"]}}
-
-
 def test_scores_by_hand() -> None:
     """Over the bar's, and the geometric mean over plants; up to 2 % more is as good as the best."""
     laws = {"bar": [1.0, 4.0], "law": [0.5, 8.0], "near": [0.51, 8.15], "far": [0.52, 8.1]}

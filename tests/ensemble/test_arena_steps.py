@@ -80,7 +80,7 @@ def test_a_law_without_numbers_leaves_with_its_reason(
     study, _ = prepared(arena(tmp_path), "drone", ["bar", "pi-ilc"])
 
     def automatic(study: Any, name: str) -> dict[str, str]:
-        raise StudyError(f"x.toml: controller.{name}.tuning: none fits")
+        raise StudyError(f"{study.source.path}: controller.{name}.tuning: none fits")
 
     monkeypatch.setattr(room, "missing", lambda study: ["pi-ilc"])
     monkeypatch.setattr(room, "automatic", automatic)

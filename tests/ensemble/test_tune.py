@@ -338,15 +338,15 @@ def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def test_a_range_of_a_decade_is_searched_by_ratios() -> None:
     ratio = tuning.Knob("k", "", 0.01, 0.1, 0.02)
-    assert ratio.by_ratio and ratio.text(0.5) == pytest.approx(0.01 * 10**0.5, rel=1e-4)
-    assert (ratio.text(0.0), ratio.text(1.0), ratio.start_text) == (0.01, 0.1, 0.02)
+    assert ratio.by_ratio and ratio.value_at(0.5) == pytest.approx(0.01 * 10**0.5, rel=1e-4)
+    assert (ratio.value_at(0.0), ratio.value_at(1.0), ratio.start_text) == (0.01, 0.1, 0.02)
     assert ratio.start_share == pytest.approx(np.log10(2))
     line = tuning.Knob("k", "A/rpm", 0.02, 0.19, 0.1)
-    assert not line.by_ratio and line.text(0.5) == "0.105 A/rpm" and line.start_text == "0.1 A/rpm"
+    assert not line.by_ratio and line.value_at(0.5) == "0.105 A/rpm" and line.start_text == "0.1 A/rpm"
     assert line.start_share == pytest.approx(0.08 / 0.17)
     assert not tuning.Knob("k", "", 0.0, 1.0, 0.5).by_ratio
     for knob in (ratio, line):
-        assert float(str(knob.text(knob.start_share)).split()[0]) == pytest.approx(knob.start)
+        assert float(str(knob.value_at(knob.start_share)).split()[0]) == pytest.approx(knob.start)
 
 
 def scores(folder: Path, lines: str, *ripples: list[float]) -> list[tuning.Score]:
@@ -394,9 +394,9 @@ def test_keys_of_whole_numbers_are_tuned(tmp_path: Path, limits: str, low: int, 
     tune = TUNE[: TUNE.index("[tune.keys]")].replace("25", "6") + "[tune.keys]\ncontroller.pi-ilc.cells = "
     found = tuned(tmp_path, tune + limits)
     (knob,) = found.subject.knobs
-    assert (knob.text(0.0), knob.text(1.0), knob.start_text) == (low, high, 64)
+    assert (knob.value_at(0.0), knob.value_at(1.0), knob.start_text) == (low, high, 64)
     for share in np.linspace(0, 1, 41):
-        value = knob.text(share)
+        value = knob.value_at(share)
         assert type(value) is int and low <= value <= high
         changed(study(tmp_path), {knob.key: value})
     (value,) = found.values.values()

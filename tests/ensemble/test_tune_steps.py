@@ -70,7 +70,7 @@ def test_a_range_may_begin_or_end_at_the_study_s_own_value(tmp_path: Path) -> No
         assert knob.start_share == pytest.approx(start)
         exact = tuning._values(subject, {knob.key: knob.start_share})
         assert exact == {knob.key: "0.015 A/rpm"} and knob.start_text == "0.015 A/rpm"
-        assert tuning._values(subject, {knob.key: 0.5})[knob.key] == knob.text(0.5)
+        assert tuning._values(subject, {knob.key: 0.5})[knob.key] == knob.value_at(0.5)
 
 
 def test_a_plain_number_of_a_controller_is_si_in_the_unit_of_its_range(tmp_path: Path) -> None:

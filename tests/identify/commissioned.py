@@ -119,7 +119,7 @@ def study_tables(name: str) -> dict[str, Any]:
 
 def study_text(name: str) -> str:
     """A study of one of these motors."""
-    return plan.text(study_tables(name))
+    return plan.to_toml(study_tables(name))
 
 
 @cache
@@ -171,7 +171,7 @@ def write(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> li
         files = [f"{name}.npz" for name, signals in logs.items() if column["name"] in signals]
         if files:
             columns[signal] = {**column, "files": files}
-    (folder / "id.toml").write_text(plan.text({**tables, "columns": columns}))
+    (folder / "id.toml").write_text(plan.to_toml({**tables, "columns": columns}))
     for name, signals in logs.items():
         np.savez(folder / f"{name}.npz", **signals)
     return [folder / f"{name}.npz" for name in logs]

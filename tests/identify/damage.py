@@ -382,10 +382,10 @@ def cases(folder: Path, count: int, seed: int, scale: int) -> list[tuple[str, st
 def prepare(columns: Path, scale: int) -> None:
     """Import and build once what each fork would; `scale` divides the largest log."""
     import cogless.cli
-    from cogless.identify import config, diagnosis, files
+    from cogless.identify import config, diagnosis, log_files
 
-    files.NUMBERS_MOST //= scale
-    files.PACKED_MOST //= scale
+    log_files.NUMBERS_MOST //= scale
+    log_files.PACKED_MOST //= scale
     assert cogless.cli.app and diagnosis.diagnosed
     config.load(columns)
 

@@ -91,7 +91,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Identification:
     ]
     columns = {name: name for name in ("t", "theta", "i_q")}
     tables = {"columns": columns, "motor": servo["motor"], "drive": servo["drive"], "controller": PI}
-    path.write_text(plan.text({**tables, "log": logs}))
+    path.write_text(plan.to_toml({**tables, "log": logs}))
     return config.load(path)
 
 

@@ -109,7 +109,7 @@ def played(wrong: str) -> tuple[str, Logs]:
         "drive": base["drive"],
         "log": [{"file": name, "kind": kind} for name, kind in kinds.items()],
     }
-    return plan.text(known), logs
+    return plan.to_toml(known), logs
 
 
 def _over(table: Any, value: Any) -> Any:

@@ -31,7 +31,7 @@ def written(folder: Path, name: str, log: dict[str, np.ndarray], *cures) -> tupl
     tables["columns"] = {key: heading for key, heading in tables["columns"].items() if heading in log}
     for cure in cures:
         tables = changed(tables, cure)
-    (folder / "id.toml").write_text(plan.text(tables))
+    (folder / "id.toml").write_text(plan.to_toml(tables))
     np.savez(folder / "a.npz", **log)
     return folder / "a.npz", folder / "id.toml"
 

@@ -12,8 +12,8 @@ import pytest
 from cogless.errors import StudyError
 from cogless.identify import config, csv_log, plan
 from cogless.identify.advice import AdvisedError, changed
-from cogless.identify.files import readable
 from cogless.identify.log import load_logs
+from cogless.identify.log_files import readable
 from cogless.identify.read_log import read
 
 KINDS = ("a.csv", "a.csv.gz", "a.npz", "a.mat", "a.parquet", "a.mf4")
@@ -282,7 +282,7 @@ def test_a_log_with_times_of_day_is_that_in_seconds(tmp_path):
     assert advice == (
         f"{path}: ms: times of day, which become seconds: expected columns.t without unit, sign and scale"
     )
-    (tmp_path / "id.toml").write_text(plan.text(changed(tomllib.loads(ID), advice.cures[0])))
+    (tmp_path / "id.toml").write_text(plan.to_toml(changed(tomllib.loads(ID), advice.cures[0])))
     (log,) = load_logs([path], config.load(tmp_path / "id.toml"))
     assert log.dt == pytest.approx(1e-3) and len(log) == 10_000
     assert any("the time begins again 1 times, after 86400 s" in remark for remark in log.remarks)
@@ -360,7 +360,7 @@ def refused(folder, name, columns):
 def cured(folder, cure, *names):
     """The logs by the file of columns with this change."""
     tables = changed(tomllib.loads(ID), cure)
-    (folder / "id.toml").write_text(plan.text(tables))
+    (folder / "id.toml").write_text(plan.to_toml(tables))
     return load_logs([folder / name for name in names], config.load(folder / "id.toml"))
 
 

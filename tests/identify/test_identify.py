@@ -142,7 +142,7 @@ def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsa
     servo = tmp_path / "servo.toml"
     servo.write_text(study_text("servo"))
     said = rehearsal.expected(tmp_path, lambda *of: None)
-    assert [line for line in said if line.startswith("cogging")] == [command.lines(made)[-2]]
+    assert [line for line in said if line.startswith("cogging")] == [command.value_lines(made)[-2]]
 
 
 @pytest.mark.parametrize(

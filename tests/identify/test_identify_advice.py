@@ -39,7 +39,7 @@ ALL_LOGS = ("slow", "fast", "drives", "brakes", "sweep")
 
 def identified(logs: Logs, tables: Mapping[str, Any] | None = None) -> Estimate:
     folder = Path(mkdtemp())
-    paths = write(folder, plan.text(dict(tables or bench.columns())), logs)
+    paths = write(folder, plan.to_toml(dict(tables or bench.columns())), logs)
     known = config.load(folder / "id.toml")
     return command.standing_out(estimate_motor(known, load_logs(paths, known), lambda what, share: None))
 
@@ -287,7 +287,7 @@ def test_sessions_that_differ_are_right_by_themselves() -> None:
     tables = bench.columns()
     tables["log"] = [{"file": f"{s}*", "session": s} for s in frictions] + tables["log"]
     folder = Path(mkdtemp())
-    paths = write(folder, plan.text(tables), logs)
+    paths = write(folder, plan.to_toml(tables), logs)
     known = config.load(folder / "id.toml")
     both = sessions(estimate_motor(known, load_logs(paths, known), lambda *of: None))
     (again,) = [line for line in sentences(both) if "friction" in line]
@@ -371,7 +371,7 @@ def test_a_log_that_cannot_be_simulated_is_left_out() -> None:
 
     def played(names: tuple[str, ...]) -> Estimate:
         folder = Path(mkdtemp())
-        paths = write(folder, plan.text(tables), {name: logs[name] for name in names})
+        paths = write(folder, plan.to_toml(tables), {name: logs[name] for name in names})
         return command.identified(paths, folder / "id.toml", lambda *of: None).estimate
 
     line = advice(list(played(tuple(logs)).remarks), "Not simulated: fast.npz")
@@ -425,7 +425,7 @@ def test_a_unit_that_does_not_fit_is_the_one_that_is_advised(
     for log in logs.values():
         log[signal] = factor * log[signal]
     folder = Path(mkdtemp())
-    paths = write(folder, plan.text(bench.columns()), logs)
+    paths = write(folder, plan.to_toml(bench.columns()), logs)
     with pytest.raises(AdvisedError) as error:
         load_logs(paths, config.load(folder / "id.toml"))
     (line,) = error.value.mistakes
@@ -493,7 +493,7 @@ def test_what_the_voltage_says_of_k_t_holds_the_truth(shape: str) -> None:
     tables = bench.columns()
     tables["columns"]["i_d"] = "i_d"
     folder = Path(mkdtemp())
-    paths = write(folder, plan.text(tables), logs)
+    paths = write(folder, plan.to_toml(tables), logs)
     known = config.load(folder / "id.toml")
     told = voltage.constants_from_voltage(known, load_logs(paths, known))
     assert told is not None
@@ -510,7 +510,7 @@ def test_rms_amperes_are_told_by_the_phases_and_scaled() -> None:
     open_line = voltage._of_r(config_of(logs), Value(math.sqrt(2) * bench.R_S, 0.02))[0]
     assert isinstance(open_line, Advice) and open_line.cures == ({"record.signal": "i_a"},)
     folder = Path(mkdtemp())
-    paths = write(folder, plan.text(bench.columns()), logs)
+    paths = write(folder, plan.to_toml(bench.columns()), logs)
     with pytest.raises(AdvisedError) as error:
         load_logs(paths, config.load(folder / "id.toml"))
     (line,) = error.value.mistakes
@@ -521,7 +521,7 @@ def test_rms_amperes_are_told_by_the_phases_and_scaled() -> None:
 
 def config_of(logs: Logs) -> config.Identification:
     folder = Path(mkdtemp())
-    write(folder, plan.text(bench.columns()), logs)
+    write(folder, plan.to_toml(bench.columns()), logs)
     return config.load(folder / "id.toml")
 
 
@@ -530,7 +530,7 @@ def config_of(logs: Logs) -> config.Identification:
 
 def diagnosed(logs: Logs) -> diagnosis.Diagnosis:
     folder = Path(mkdtemp())
-    paths = write(folder, plan.text(bench.columns()), logs)
+    paths = write(folder, plan.to_toml(bench.columns()), logs)
     return diagnosis.diagnosed(paths, folder / "id.toml", lambda *of: None)
 
 

@@ -26,7 +26,7 @@ Logs = dict[str, dict[str, np.ndarray]]
 
 def diagnosed(logs: Logs, tables: Mapping[str, Any] | None = None) -> Diagnosis:
     folder = Path(mkdtemp())
-    paths = write(folder, plan.text(dict(tables or bench.columns())), logs)
+    paths = write(folder, plan.to_toml(dict(tables or bench.columns())), logs)
     return diagnosis.diagnosed(paths, folder / "id.toml", lambda what, share: None)
 
 
@@ -186,7 +186,7 @@ def test_an_eccentric_log_is_steady_and_every_log_has_its_line() -> None:
     assert {each.order for each in made.orders_of("eccentric.npz") if each.share > 0.1} == {1}
     assert set(made.whole) | set(made.uses) == {f"{name}.npz" for name in logs}
     assert set(made.uses) == {"sweep.npz", "off.npz"}
-    printed = diagnosis.lines(made)
+    printed = diagnosis.answer_lines(made)
     for name in logs:
         assert any(line.startswith((f"{name}.npz: ", f"{name}.npz (")) for line in printed)
 

@@ -80,7 +80,7 @@ def test_no_value_is_lost_and_no_interval_doubled_by_more_logs_and_keys(
         folder = tmp_path / str(number)
         folder.mkdir()
         some = {name: logs[name] for name in order[:count]}
-        paths = source.write(folder, some, plan.text(columns(source, motor, keys)))
+        paths = source.write(folder, some, plan.to_toml(columns(source, motor, keys)))
         after = errors(identified(paths, folder / "id.toml", lambda what, share: None).estimate)
         more = f"{order[count - 1]} with {sorted(keys)}"
         assert before.keys() <= after.keys(), f"{more} takes {before.keys() - after.keys()} away"

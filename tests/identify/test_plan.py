@@ -62,7 +62,7 @@ HILLS = 2 * (15e-3 / 200 + 8e-3 / 100)  # J, of the orders that the law does not
 def logs(tmp_path_factory) -> Path:
     """A folder with a stepper's plan and its logs."""
     folder = tmp_path_factory.mktemp("stepper")
-    (folder / "motor.toml").write_text(plan.text(STEPPER))
+    (folder / "motor.toml").write_text(plan.to_toml(STEPPER))
     plan.write(load(folder / "motor.toml"), folder)
     (results,) = rollout([load(folder / "study.toml")], jobs=1)
     write_netcdf(folder / "traces.nc", results.runs)
@@ -130,7 +130,7 @@ def servo() -> dict[str, Any]:
 def planned(folder: Path, tables: dict, volts: float) -> Path:
     """A folder with the plan of a motor at a bus voltage."""
     drive = {**tables["drive"], "inverter": {"bus_voltage": f"{volts} V"}}
-    (folder / "motor.toml").write_text(plan.text({**tables, "drive": drive}))
+    (folder / "motor.toml").write_text(plan.to_toml({**tables, "drive": drive}))
     plan.write(load(folder / "motor.toml"), folder)
     return folder
 
@@ -151,7 +151,7 @@ def tops(folder: Path) -> dict[str, float]:
 def test_a_plan_by_hand(tmp_path, v, slow, loaded, fast):
     """Of a servo with four pole pairs, by the speed of its scenario; its kernel has a width of 6 ms."""
     one = {"duration": "1 s", "reference": f"{v} rad/s"}
-    (tmp_path / "motor.toml").write_text(plan.text({**servo(), "scenario": {"one": one}}))
+    (tmp_path / "motor.toml").write_text(plan.to_toml({**servo(), "scenario": {"one": one}}))
     played, rate = plan.scenarios(load(tmp_path / "motor.toml"), "pi")
     assert rate == 1000
     found = {
@@ -213,7 +213,7 @@ def test_a_voltage_that_hardly_drives_a_torque_reaches_a_small_speed(tmp_path):
 
 def test_a_plan_for_a_motor_at_rest_has_a_revolution_a_second(tmp_path):
     one = {"duration": "1 s", "reference": "0 rad/s"}
-    (tmp_path / "motor.toml").write_text(plan.text({**servo(), "scenario": {"one": one}}))
+    (tmp_path / "motor.toml").write_text(plan.to_toml({**servo(), "scenario": {"one": one}}))
     played, _ = plan.scenarios(load(tmp_path / "motor.toml"), "pi")
     assert played["one-speed"]["initial_speed"] == "6.28319 rad/s"
 
@@ -258,7 +258,7 @@ def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
     ],
 )
 def test_what_no_plan_is_for_is_refused(tmp_path, changes, said):
-    (tmp_path / "motor.toml").write_text(plan.text(servo()))
+    (tmp_path / "motor.toml").write_text(plan.to_toml(servo()))
     with pytest.raises(StudyError) as error:
         plan.tables(load(tmp_path / "motor.toml", changes))
     assert str(error.value) == f"{tmp_path}/motor.toml: {said}"
@@ -271,7 +271,7 @@ def test_the_columns_of_a_plan_are_those_that_its_study_records(tmp_path, ideal)
     if ideal:
         drive = {key: value for key, value in tables["drive"].items() if key != "inverter"}
         tables["drive"] = {**drive, "current_loop": {"kind": "ideal", "current_limit": "5 A"}}
-    (tmp_path / "motor.toml").write_text(plan.text(tables))
+    (tmp_path / "motor.toml").write_text(plan.to_toml(tables))
     plan.write(load(tmp_path / "motor.toml"), tmp_path)
     (results,) = rollout([load(tmp_path / "study.toml")])
     write_netcdf(tmp_path / "traces.nc", results.runs)

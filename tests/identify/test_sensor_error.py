@@ -45,7 +45,7 @@ def test_an_error_of_the_sensor_is_told_by_its_sidebands(tmp_path: Path, size: f
     }
     error = size * np.exp(0.4j)
     logs = {name: log(speed, seed, error) for seed, (name, speed) in enumerate((("a", 1.5), ("b", 2.5)))}
-    paths = write(tmp_path, plan.text(tables), logs)
+    paths = write(tmp_path, plan.to_toml(tables), logs)
     identification = config.load(tmp_path / "id.toml")
     drive = Logs(identification, load_logs(paths, identification), lambda what, share: None)
     model = Model(cogging=(4, 100, 200), encoder=(1, 2), widths={"a": 2.5e-3, "b": 2.5e-3})

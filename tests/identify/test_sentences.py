@@ -22,7 +22,7 @@ from cogless.identify import config, described, diagnosis, findings, plan, speed
 from cogless.identify.advice import Advice
 from cogless.identify.balance import Rows
 from cogless.identify.causes import Cause, OrderCauses
-from cogless.identify.command import Identified, lines
+from cogless.identify.command import Identified, value_lines
 from cogless.identify.config import Identification, LogRule
 from cogless.identify.diagnosis import Diagnosis
 from cogless.identify.jackknife import fit
@@ -42,7 +42,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Identification:
     path = tmp_path_factory.mktemp("known") / "id.toml"
     servo = MOTORS["servo"]
     columns = {name: name for name in ("t", "theta", "omega", "i_q")}
-    path.write_text(plan.text({"columns": columns, "motor": servo["motor"], "drive": servo["drive"]}))
+    path.write_text(plan.to_toml({"columns": columns, "motor": servo["motor"], "drive": servo["drive"]}))
     return config.load(path)
 
 
@@ -108,7 +108,7 @@ def test_lines_of_an_estimate(known: Identification) -> None:
         ripple=(wave(24, 0.02, 0.001, -math.pi / 2),),
         encoder=(wave(1, math.radians(0.1)),),
     )
-    assert lines(made) == [
+    assert value_lines(made) == [
         "inertia over K_t               0.001 +- 1e-05 A*s^2/rad  inertia 0.0003 +- 3e-06 kg*m^2",
         "friction at rest over K_t      0.1 A",
         "offset of i_q, or a load       0.02 +- 0.001 A",
@@ -550,7 +550,7 @@ def test_a_diagnosis_is_read_from_the_answer_down() -> None:
         {"cogging": 0.729, "no order": 0.191, "not explained": 0.08}
     )
     heading = "log                  order  rad/s rms  of all  cause (share of the order), confidence"
-    assert diagnosis.lines(made) == [
+    assert diagnosis.answer_lines(made) == [
         "Most of the ripple is cogging, 73 % of the square of the speed's ripple in 1 of 2 logs.",
         "",
         f"{slow.log} (1 rev/s, 0.1 A): 0.559 rad/s rms: cogging 73 %, no order 19 %, not explained 8 %",
@@ -735,7 +735,9 @@ def test_a_diagnosis_needs_its_files(tmp_path: Path) -> None:
         diagnosis.diagnosed([tmp_path / "a.csv"], columns, lambda *of: seen.append(of))
     assert str(error.value) == f"{columns}: no such file: expected a TOML file that names the columns"
     servo = MOTORS["servo"]
-    columns.write_text(plan.text({"columns": {"t": "t"}, "motor": servo["motor"], "drive": servo["drive"]}))
+    columns.write_text(
+        plan.to_toml({"columns": {"t": "t"}, "motor": servo["motor"], "drive": servo["drive"]})
+    )
     with pytest.raises(StudyError, match=r"a\.csv: "):
         diagnosis.diagnosed([tmp_path / "a.csv"], columns, lambda *of: seen.append(of))
     assert seen == [("reading", 0.0)]
@@ -753,7 +755,7 @@ def test_tables_become_toml_with_a_line_for_each_key() -> None:
         "orders": [1, 2],
         "none": [],
     }
-    assert plan.text(tables) == (
+    assert plan.to_toml(tables) == (
         'title = "Two logs"\norders = [1, 2]\nnone = []\n'
         '\n[motor]\npole_pairs = 4\ncogging = [{ order = 24, torque = "1 mN*m" }]\n'
         '\n[[log]]\nfile = "a"\n\n[[log]]\nfile = "b"\nsign = -1\n'

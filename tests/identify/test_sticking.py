@@ -73,7 +73,7 @@ def identified(folder: Path) -> Estimate:
     written = {name: log(points, seed, 0.3 + seed) for seed, (name, points) in enumerate(logs.items())}
     still = np.diff(written["slow"]["theta"]) == 0
     assert np.mean(still) > 0.3
-    paths = write(folder, plan.text(tables), written)
+    paths = write(folder, plan.to_toml(tables), written)
     identification = config.load(folder / "id.toml")
     return command.standing_out(
         estimate_motor(identification, load_logs(paths, identification), lambda what, share: None)

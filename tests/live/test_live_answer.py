@@ -2,6 +2,7 @@
 
 import json
 import time
+from pathlib import Path
 
 import live_studies
 import numpy as np
@@ -18,6 +19,8 @@ from cogless.study.reading import changed
 
 needs_browser = pytest.mark.skipif(bool(MISSING or NO_ENGINE), reason=MISSING or NO_ENGINE)
 RPM = np.pi / 30
+DOCS = Path(__file__).parents[2] / "docs"
+ROUNDING_LEVELS = 8  # of 255, in single pixels at the edge of a curve
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +115,18 @@ def test_rotors_rest_where_motion_is_not_wanted(page):
         time.sleep(0.1)
         pictures.add(page.run("return document.getElementById('rotor').toDataURL()"))
     assert len(pictures) == 1
+
+
+@needs_browser
+def test_a_page_at_rest_looks_the_same_each_time_it_opens(page, path, monkeypatch):
+    """What `python docs/screenshots.py` needs; which run ends first differs from time to time."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    from screenshots import picture
+
+    pictures = [np.asarray(picture(page, path), int) for _ in range(3)]
+    page.devtools("Emulation.setScrollbarsHidden", hidden=False)
+    for other in pictures[1:]:
+        assert np.abs(other - pictures[0]).max() <= ROUNDING_LEVELS
 
 
 @needs_browser

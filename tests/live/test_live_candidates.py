@@ -143,7 +143,7 @@ def test_some_keys_have_sliders_of_their_own():
     assert (found.unit, found.factor, found.start, found.si(2.5)) == ("mN*m", 1e-3, 4.0, 0.0025)
     (found,) = key_candidate("key", "label", "Group", Owner(), "plain", 0.5, (0.5, 2))
     assert (found.unit, found.factor, found.start) == ("", 1.0, 0.5)
-    assert found.si(0.75) == found.text(0.75) == 0.75
+    assert found.si(0.75) == found.study_value(0.75) == 0.75
     assert list(key_candidate("key", "label", "Group", None, "torque", "4 mN*m", (0.5, 2))) == []
 
 

@@ -16,7 +16,7 @@ from cogless.live.candidates import YOURS, Candidate
 from cogless.live.description import Number, Packed
 from cogless.live.keys import OTHER_SHAPE, Key, Landing
 from cogless.live.own_motor import POLE_PAIRS, Product
-from cogless.run.plan import NEVER_LEARNS
+from cogless.run.run_plan import NEVER_LEARNS
 
 PLACE = ("low", "pi", "run")
 NAMES = ("a", "b", "c", "d", "e", "f", "g", "h", "k", "few", "half")

@@ -16,7 +16,7 @@ from cogless.files import shipped
 from cogless.live import engine
 from cogless.live.description import blobs, pack, page_runs
 from cogless.live.live_page import asset
-from cogless.run.plan import plan
+from cogless.run.run_plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import Study
 from cogless.study.reading import is_arena, read

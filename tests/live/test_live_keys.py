@@ -54,7 +54,7 @@ def bytes_of(study, found, values):
     """All descriptions with these values, as `--set` makes them; None if the study refuses them together."""
     texts = {key.candidate.key: key.candidate for key in found.keys}
     try:
-        other = changed(study, {name: texts[name].text(value) for name, value in values.items()})
+        other = changed(study, {name: texts[name].study_value(value) for name, value in values.items()})
         return {"/".join(place): blob.data.hex() for place, blob in packed(other, page_runs(other)).items()}
     except (StudyError, ValueError):
         return None
@@ -198,8 +198,8 @@ def test_sliders_are_about_the_studys_values_and_fields_take_a_hundred_times_mor
     assert (lines.low, lines.high, lines.whole) == (64, 10000, True) and 2500 in lines.stops
     whole = {key.rpartition(".")[2] for key, one in found.items() if one.whole}
     assert whole == {"cells", "q_half_width", 'bits"', 'lines"'}
-    gain = found["controller.pi.gain"]
-    assert (gain.text(0.002), gain.text(3.0), found["controller.pi.cells"].text(256.0)) == (
+    gain, cells = found["controller.pi.gain"], found["controller.pi.cells"]
+    assert (gain.study_value(0.002), gain.study_value(3.0), cells.study_value(256.0)) == (
         "0.002 A/rpm", "3 A/rpm", 256
     )  # fmt: skip
     assert gain.si(0.002) == pytest.approx(0.002 * 30 / np.pi)

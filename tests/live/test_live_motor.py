@@ -124,7 +124,7 @@ def same_numbers(folder, study, found, sets):
     tried = 0
     for values, pages in zip(sets, made, strict=True):
         try:
-            other = changed(study, {name: keys[name].text(x) for name, x in values.items()})
+            other = changed(study, {name: keys[name].study_value(x) for name, x in values.items()})
         except StudyError:  # such as a motor that the integration step is too long for
             continue
         tried, wanted_of = tried + 1, packed(other, page_runs(other))
@@ -317,7 +317,7 @@ def test_a_number_that_is_no_product_is_refused(own):
 
     def bent(values):
         share = {key.key: x / key.start for key, x in values}
-        other = {key.key: key.text(x) for key, x in values}
+        other = {key.key: key.study_value(x) for key, x in values}
         inertia = 4e-5 * (1 + share.get("mechanics.inertia", 1.0) ** 2) / 2
         made = changed(study, other | {"mechanics.inertia": f"{inertia!r} kg*m^2"})
         return packed(made, [("slow", "pi")], study)
@@ -342,7 +342,7 @@ def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
     run = ("slow", "harmonic")
 
     def made(values):
-        other = changed(study, {key.key: key.text(x) for key, x in values})
+        other = changed(study, {key.key: key.study_value(x) for key, x in values})
         return packed(other, [run], study)
 
     found = own_motor.own_motor(packed(study, [run]), made, keys, lambda key: key).products[*run, "run"]

@@ -17,7 +17,7 @@ from test_live_engine import job
 
 from cogless.live import engine, write
 from cogless.live.live_page import asset
-from cogless.run.plan import plan
+from cogless.run.run_plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.reading import changed, parse_change

@@ -19,7 +19,7 @@ from cogless.live.candidates import pinned, trial_candidates
 from cogless.live.description import blobs, page_runs
 from cogless.live.keys import AdjustableKeys
 from cogless.live.live_page import data
-from cogless.run.plan import plan
+from cogless.run.run_plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.reading import changed, changes_from

@@ -17,7 +17,7 @@ import studies
 from cogless import StudyError, load, run_study
 from cogless.maps import learned_map, stored_map
 from cogless.maps.stored_map import MapError, StoredMap, decode
-from cogless.run.plan import plan
+from cogless.run.run_plan import plan
 from cogless.run.simulate import simulate
 
 EXAMPLE = StoredMap(

@@ -194,7 +194,7 @@ def test_offsets_of_the_duty_cycles_move_the_rotor_by_the_logged_current(tmp_pat
     t = 1e-3 * np.arange(400)
     off = {"t": t, "theta": 1e-3 * t, **{name: 0 * t for name in ("i_a", "i_b", "i_c")}}
     logs = {"slow": open_loop(0.5, (0.03, -0.03, 0.0), 2.0), "fast": open_loop(1.5, (0.03, -0.03, 0.0), 1.5)}
-    (tmp_path / "id.toml").write_text(plan.text(OPEN_LOOP))
+    (tmp_path / "id.toml").write_text(plan.to_toml(OPEN_LOOP))
     for name, signals in {**logs, "off": off}.items():
         np.savez(tmp_path / f"{name}.npz", **signals)
     paths = [tmp_path / f"{name}.npz" for name in (*logs, "off")]

@@ -79,7 +79,7 @@ def test_lines_are_in_display_units_with_the_best_marked(made):
     sixth = lines[2]
     assert sixth.title == "speed orders: order 6 (electrical)"
     assert replace(sixth, name="speed_order").title == "speed: order 6 (electrical)"
-    assert sixth.text("pi") == "4.80 rpm" and sixth.best == {"pi-ilc"}
+    assert sixth.value_text("pi") == "4.80 rpm" and sixth.best == {"pi-ilc"}
     assert sixth.ratio("fair-pi", "pi") == pytest.approx(1.9 / 4.8, rel=1e-3)
     assert {line.unit for line in lines} == {"rpm", "mN·m", "W", "mA"}
     assert [line.name for line in compare(made, "step-on")][-2:] == ["dip", "settling"]
@@ -121,7 +121,7 @@ def test_never_to_leave_a_band_is_the_best():
         assert exceeds(better, a=None, b=2.0).best == {"a"}
     assert exceeds("none", a=None, b=2.0).best == set()
     assert exceeds("higher", a=1.0, b=2.0).best == {"b"}
-    assert exceeds("higher", a=None).text("a") == "never"
+    assert exceeds("higher", a=None).value_text("a") == "never"
 
 
 def test_later_is_better_for_exceeds_unless_the_metric_says_otherwise(tmp_path):
@@ -140,8 +140,8 @@ def test_ratio_says_nothing_where_there_is_none():
     assert line(a=None, b=2.0).ratio("a", "b") is None
     assert line(a=1.0, b=0.0).ratio("a", "b") is None
     assert line(a=1.0).ratio("a", "b") is None
-    assert replace(line(a=None), kind="settling").text("a") == "never"
-    assert line(a=None).text("a") == "not finite"
+    assert replace(line(a=None), kind="settling").value_text("a") == "never"
+    assert line(a=None).value_text("a") == "not finite"
 
 
 @pytest.mark.parametrize(
@@ -200,8 +200,8 @@ def test_signals_have_words_and_measured_ones_those_of_the_true_ones():
 )
 def test_a_value_is_shown_with_its_unit(kind, value, number, text):
     one = replace(line(a=value), kind=kind)
-    assert (one.number("a"), one.text("a"), one.number("b")) == (number, text, "")
-    assert replace(one, unit="").text("a") == number
+    assert (one.number("a"), one.value_text("a"), one.number("b")) == (number, text, "")
+    assert replace(one, unit="").value_text("a") == number
 
 
 def test_a_ratio_is_of_what_has_a_direction_and_one_sign():

@@ -285,7 +285,7 @@ def test_a_period_is_on_an_even_grid():
 def test_what_learning_leaves_is_drawn_between_what_is_learned():
     """A loop leaves at each frequency that frequency itself here; its lines are 10 Hz apart, up to 45 Hz."""
     f = np.array([9.0, 10.0, 15.0, 40.0, 41.0])
-    loop = SimpleNamespace(periods_per_second=10.0, highest=45.0, orders=None, left=lambda at: at + 0j)
+    loop = SimpleNamespace(periods_per_second=10.0, highest=45.0, orders=None, share_left=lambda at: at + 0j)
     assert angle_charts._remaining_share(loop, f, 0.0) == pytest.approx(
         [np.nan, 10, 15, 40, np.nan], nan_ok=True
     )

@@ -136,8 +136,8 @@ def test_the_table_has_current_and_trials_at_the_limit(study):
     steps = np.repeat([2.0, 9.0, 3.0, 4.0, 9.0, 1.0], length // 6)  # halves of three phases
     made = with_signals(made, i_q_ref=lambda _: steps, status=lambda _: at_limit(length, 7))
     rms, limited = own_lines(case(made, made.runs))[-2:]
-    assert (rms.title, rms.text("ilc")) == ("current rms at the end, worst phase", "9.00 A")
-    assert (limited.title, limited.text("ilc")) == ("trials at the current limit, of 60", "7")
+    assert (rms.title, rms.value_text("ilc")) == ("current rms at the end, worst phase", "9.00 A")
+    assert (limited.title, limited.value_text("ilc")) == ("trials at the current limit, of 60", "7")
     assert not rms.best and rms.ratio("ilc", "none") is None
     page = render(made)
     assert page.index("first error") < page.index(rms.title) < page.index(limited.title)

@@ -700,9 +700,9 @@ def test_the_file_is_whole_or_not_at_all(made, tmp_path, monkeypatch):
 def test_lines_of_the_terminal(made):
     found = lines(made, "move")
     assert [line.title for line in found[:3]] == [f"to floor, from trial {start}" for start in (1, 21, 41)]
-    assert [found[1].text(name) for name in ("none", "ilc", "input")] == ["never", "3", "17"]
+    assert [found[1].value_text(name) for name in ("none", "ilc", "input")] == ["never", "3", "17"]
     assert found[1].best == {"ilc"}
-    assert found[4].text("ilc") == "6.02 mrad"
+    assert found[4].value_text("ilc") == "6.02 mrad"
 
 
 def test_pictures(made, tmp_path, monkeypatch):

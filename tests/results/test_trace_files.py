@@ -119,7 +119,7 @@ def long() -> Trace:
 def test_a_long_trace_is_thinned_as_a_whole_one(long: Trace) -> None:
     for span, points in ((None, 1501), (None, 20_000), ((100.0, 400.0), 4000), ((1.0, 1.5), 900)):
         view = waveforms.View(span, points)
-        whole, step = thin(long["omega_m"][view.rows(long)], points)
+        whole, step = thin(long["omega_m"][view.rows_of(long)], points)
         assert np.array_equal(view.thinned(long, lambda rows: long.part("omega_m", rows)), whole)
         assert view.grid(long).step == pytest.approx(step * 1e-3)
 

@@ -10,9 +10,9 @@ from typing import Any, cast
 import pytest
 
 from cogless.design.trials.from_study import Designs
-from cogless.run import plan as room
+from cogless.run import run_plan as room
 from cogless.run import simulate
-from cogless.run.plan import Stopped, advance
+from cogless.run.run_plan import Stopped, advance
 
 
 def pieces(

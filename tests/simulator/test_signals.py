@@ -12,7 +12,7 @@ from cogless import load
 from cogless.control_library import C_LAWS
 from cogless.files import control_sources
 from cogless.run.drive_config import engine_config
-from cogless.run.plan import compiled
+from cogless.run.run_plan import compiled
 from cogless.run.simulate import simulate
 from cogless.signals import DERIVED, RECORDED, exists
 from cogless.study import AnyStudy, Study

@@ -11,8 +11,8 @@ import pytest
 
 import studies
 from cogless.errors import StudyError
-from cogless.run.causes import suspects
 from cogless.run.simulate import simulate
+from cogless.run.suspects import suspects
 from cogless.study import changed, load
 from cogless.study.metric import Metric
 

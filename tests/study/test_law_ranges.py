@@ -12,7 +12,7 @@ from laws import OF_SPEED, ROWS
 import studies
 from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
-from cogless.run.plan import compiled
+from cogless.run.run_plan import compiled
 from cogless.study import changed, load
 from cogless.study.laws import AnyController
 from cogless.study.laws.law import Commissioning

@@ -15,7 +15,7 @@ from cogless.design.trials.from_study import design_study
 from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
 from cogless.run.own_law import make_law
-from cogless.run.plan import compiled
+from cogless.run.run_plan import compiled
 from cogless.run.simulate import simulate
 from cogless.run.trial_config import engine_config as trial_engine_config
 from cogless.study import TrialStudy

@@ -581,7 +581,7 @@ def test_friction_by_position_comes_from_a_csv_file(tmp_path: Path) -> None:
 def test_a_fault_in_words(kind: str, more: dict[str, str], words: str) -> None:
     table = {"kind": kind, "time": "1 s", "duration": "0.5 s", **more}
     fault: Fault = TypeAdapter(Fault).validate_python(table)
-    assert (fault.words, fault.end) == (words, 1.5)
+    assert (fault.effect, fault.end) == (words, 1.5)
 
 
 def test_the_smallest_inductance_is_the_least_slope_of_the_tables_of_flux() -> None:

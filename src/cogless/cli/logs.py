@@ -161,7 +161,7 @@ def identify(
             report.write_report(result, stage / "report.html")
             if plots:
                 report.write_plot(result.estimate, stage / "orders.png")
-    for line in command.lines(result.estimate):
+    for line in command.value_lines(result.estimate):
         print_text(line, others="  ")
     _print_remarks(result.estimate.left_out, result.estimate.remarks)
     print()
@@ -246,7 +246,7 @@ def diagnose(
         result = diagnosis.diagnosed(
             logs, config, lambda what, share: status.update(f"Diagnosing: {what}{percent(share)}")
         )
-    for line in diagnosis.lines(result):
+    for line in diagnosis.answer_lines(result):
         print_text(line, others="  ")
     _print_remarks((), result.remarks)
     if output is not None:

@@ -136,23 +136,23 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
         return Answer("not judged", "not judged: it is a law of the study's own")
     if verdict.kind == "settles":
         harm = verdict.short().removeprefix("settles")
-        rest = verdict.words().removeprefix(verdict.short())
+        rest = verdict.in_words().removeprefix(verdict.short())
         times, lacks = settling(study, name), left_out(study, name)
         reach = _reach(study, design.fastest)
         return Answer("yes", f"yes{_times(study, times, lacks)}{harm}{rest}{reach}", times, lacks)
     if verdict.kind in CLAUSES:
-        clause = f"{CLAUSES[verdict.kind]}{verdict.words().removeprefix(verdict.kind)}"
+        clause = f"{CLAUSES[verdict.kind]}{verdict.in_words().removeprefix(verdict.kind)}"
         return Answer("no", f"no, because {clause}")
     if verdict.kind == "rests":
         return Answer("no", "; ".join(["it learns nothing", *verdict.frozen]))
-    return Answer("not judged", verdict.words())
+    return Answer("not judged", verdict.in_words())
 
 
 def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     """The answer for `harmonic`, of which the certificate speaks."""
     speeds = certificate.speeds
     if not speeds or all(speed.snaps is not None for speed in speeds):
-        return Answer("not judged", certificate.words())
+        return Answer("not judged", certificate.in_words())
     if certificate.fine:
         times, lacks = settling(study, name, certificate), left_out(study, name)
         reach = _reach(study, certificate.fastest)

@@ -62,7 +62,7 @@ def design_table(study: Study) -> Group:
     designs = summary(study)
     for name, design in designs.items():
         gains, margins = _gains(design.gains), _margins(design.margins)
-        table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, design.words())
+        table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, design.in_words())
     answers = {name: answer(study, name, design) for name, design in designs.items()}
     words = [f"{study.label(name)}: {one.words}." for name, one in answers.items() if one is not None]
     below = (*words, *notes_below(study, designs), *_theorems(study, designs))

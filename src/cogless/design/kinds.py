@@ -44,7 +44,7 @@ class KindOfDesign:
 def _speed_figures(study: Study, scenario: str, controller: str) -> tuple[dict[str, Any], str]:
     design = summary.design(study, controller)
     loop = {f"current_loop.{axis}": entry for axis, entry in summary.current_loop_dict(study).items()}
-    return {**loop, **summary.design_dict(design)}, design.words()
+    return {**loop, **summary.design_dict(design)}, design.in_words()
 
 
 def _speed_warnings_before(study: Study, pairs: Sequence[Pair]) -> list[object]:

@@ -177,14 +177,14 @@ class LearningLoop(ABC):
         """The factor per period for Q = 1; `lead`, in samples, replaces the law's."""
         f, rate, cells = np.asarray(f, dtype=float), 1 / self.plant.period, self.cells_per_second
         if not self.law.over_angle or cells >= rate:
-            return np.abs(self.kept(f, lead))
+            return np.abs(self.share_kept(f, lead))
         images = min(math.ceil(rate / 2 / cells), IMAGES_MOST)
         image = np.add.outer(np.arange(-images, images + 1) * cells, f)
         sine = np.sin(np.pi * f / cells) / np.pi  # all images have the same, but for its sign
         with np.errstate(divide="ignore", invalid="ignore"):
             sinc = np.where(image == 0, 1.0, sine / (image / cells))
         weight = np.where(np.abs(image) <= rate / 2, sinc**2, 0.0)
-        return np.asarray(np.abs((weight * self.kept(image, lead)).sum(axis=0) / weight.sum(axis=0)))
+        return np.asarray(np.abs((weight * self.share_kept(image, lead)).sum(axis=0) / weight.sum(axis=0)))
 
     def interpolation_gain(self, f: ArrayLike, constant: bool) -> Real:
         """Gain of the linear interpolation between samples; the images of a coarse map aren't included.
@@ -200,8 +200,8 @@ class LearningLoop(ABC):
         mean = sum(np.log(np.abs(1 - part + part * turn) + 1e-30) for part in places) / len(places)
         return np.asarray(np.exp(mean))
 
-    def kept(self, f: ArrayLike, lead: int | None = None) -> Complex:
-        """`kept`: the share of the recalled signal that remains after learning, at frequencies f in Hz."""
+    def share_kept(self, f: ArrayLike, lead: int | None = None) -> Complex:
+        """kept, the share of the recalled signal that remains after learning, at frequencies f in Hz."""
         lead = self.lead if lead is None else lead
         x = self.x(f, lead)
         return np.asarray(1 - x if lead else 1 / (1 + x))
@@ -219,15 +219,15 @@ class LearningLoop(ABC):
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
     def residual(self, f: ArrayLike) -> Real:
-        """The size of `left`: an error that isn't periodic with the learning period may double."""
-        return np.abs(self.left(f))
+        """The size of `share_left`: an error that isn't periodic with the learning period may double."""
+        return np.abs(self.share_left(f))
 
-    def left(self, f: ArrayLike) -> Complex:
+    def share_left(self, f: ArrayLike) -> Complex:
         """The error after learning at a constant speed has settled, divided by that under feedback alone.
 
         An error that isn't periodic with the learning period is recalled with a shifted phase.
         """
-        q, share = self._turned(f), self.kept(f)
+        q, share = self._turned(f), self.share_kept(f)
         remaining = (1 - q) / (1 - q * share)
         return np.asarray(remaining if self.lead else remaining * share)
 
@@ -237,7 +237,7 @@ class LearningLoop(ABC):
         The difference to the settled error shrinks by the same factor in each period. In the first period the
         error is that of the feedback alone, or smaller where learning acts within the sample.
         """
-        settled, share = self.left(f), self.kept(f)
+        settled, share = self.share_left(f), self.share_kept(f)
         begins = 1.0 if self.lead else share
         return np.abs(settled + (self._turned(f) * share) ** round(periods) * (begins - settled))
 

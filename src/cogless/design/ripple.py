@@ -219,12 +219,12 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     C = ratio * loop.feedback.response(w, T)
     passed, S = responses(loop.plant, loop.feedback, f)
     V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.interpolation_gain(f, True)
-    rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
+    rho = np.minimum(q * np.abs(loop.share_kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)
     if loop.lead:
         learned = np.abs(C) ** 2 + np.abs(V) ** 2 * q**2 * times
     else:
-        V = V * loop.kept(f)
+        V = V * loop.share_kept(f)
         learned = np.abs(C + V) ** 2 + np.abs(V) ** 2 * rho * times
     alone = counting(loop.plant, loop.feedback_before, source)
     return alone, float(np.sum(np.abs(passed) ** 2 * density * learned))

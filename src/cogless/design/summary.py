@@ -29,14 +29,14 @@ class Design:
     fastest: float | None = None  # rad/s, up to which it learns; None if it doesn't learn
     certificate: Certificate | None = None  # of a law whose rule gives one
 
-    def words(self) -> str:
+    def in_words(self) -> str:
         """Whether learning settles, and up to which speed it learns, in one line; empty without learning."""
         if self.certificate is not None:
-            return self.certificate.words()
+            return self.certificate.in_words()
         if self.learning is None or self.fastest is None:
-            return self.learning.words() if self.learning else ""
+            return self.learning.in_words() if self.learning else ""
         speed = units.format(self.fastest, self.learning.unit, units.ANGULAR_SPEED, digits=6)
-        return f"{self.learning.words()}; learns up to {speed}"
+        return f"{self.learning.in_words()}; learns up to {speed}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,7 +105,7 @@ def _margins(margins: Margins) -> dict[str, Any]:
 def _learning(verdict: Verdict) -> dict[str, Any]:
     worst, repair = verdict.worst, verdict.repair
     return {
-        "verdict": verdict.words(),
+        "verdict": verdict.in_words(),
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
         "settling_lead_s": repair and repair.lead,

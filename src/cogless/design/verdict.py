@@ -92,7 +92,7 @@ class Passing:
         """The omega_min, rad/s, with which learning rests during the passage."""
         return OMEGA_MIN_MARGIN * self.below
 
-    def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
+    def in_words(self, unit: str = ANGULAR_SPEED.unit) -> str:
         """The report of the passage in one line; `unit` is that of speeds."""
         what = "is unstable" if self.unstable else "grows"
         below = units.format(self.below, unit, ANGULAR_SPEED, 2)
@@ -109,7 +109,7 @@ class Mean:
     highest: float  # Hz, at the fastest
     sure: bool  # whether the order certainly grows
 
-    def words(self) -> str:
+    def in_words(self) -> str:
         """The mean in one line."""
         return f"in the mean {self.factor:.3g}x from {self.lowest:.0f} to {self.highest:.0f} Hz"
 
@@ -182,20 +182,20 @@ class Verdict:
             return self.kind
         up_to = "up to " if self.varies else ""
         factor = f"{up_to}{self.worst.factor:.4g}x a period at {self.worst.frequency:.0f} Hz"
-        mean = f", {self.mean.words()}" if self.mean else ""
+        mean = f", {self.mean.in_words()}" if self.mean else ""
         return f"{self.kind}, {factor}{self.where}{mean}"
 
     @property
     def _doubts(self) -> str:
         return ", ".join(map(str, self.doubts))
 
-    def words(self) -> str:
+    def in_words(self) -> str:
         """The whole verdict in one line."""
         return str(self.remark())
 
     def remark(self) -> Remark:
         """The whole verdict in one line, with the changes that cure it."""
-        passing = self.passing.words(self.unit) if self.passing else ""
+        passing = self.passing.in_words(self.unit) if self.passing else ""
         frozen = [f"frozen: {reason}" for reason in self.frozen]
         doubts = f"not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
         remedy = [] if self.remedy is None else [self.remedy]

@@ -19,8 +19,8 @@ import numpy as np
 from cogless.drives.holding_current import AngleWaves, HoldingCurrent
 from cogless.errors import StudyError
 from cogless.files import no_device, reason
-from cogless.identify.files import LogColumns, printable
 from cogless.identify.log import HEADINGS_SHOWN
+from cogless.identify.log_files import LogColumns, printable
 from cogless.identify.read_log import read
 from cogless.printer.axis import Axis
 from cogless.printer.corrections import Correction

@@ -36,8 +36,8 @@ from cogless.drives.moteus_script import write_script
 from cogless.drives.moteus_stream import STREAM_SUFFIX, read_stream
 from cogless.drives.row_times import overlay, sent_times
 from cogless.errors import StudyError
-from cogless.identify.files import LogColumns, printable, require_bytes
 from cogless.identify.log import ended_early
+from cogless.identify.log_files import LogColumns, printable, require_bytes
 from cogless.identify.read_log import read
 from cogless.results.trace import Array
 

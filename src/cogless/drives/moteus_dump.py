@@ -13,7 +13,7 @@ import numpy as np
 from cogless.drives.adapter import text_of
 from cogless.drives.firmware_laws import MOTEUS_ENTRIES
 from cogless.errors import StudyError
-from cogless.identify.files import printable
+from cogless.identify.log_files import printable
 from cogless.results.trace import Array
 
 DUMP_HINT = "the dump of moteus_tool -t 1 --dump-config"

@@ -12,7 +12,7 @@ import numpy as np
 from cogless.drives.moteus_dump import Dump
 from cogless.errors import StudyError
 from cogless.files import no_device
-from cogless.identify.files import readable, require_bytes
+from cogless.identify.log_files import readable, require_bytes
 from cogless.results.trace import Array
 
 STREAM_SUFFIX = ".bin"

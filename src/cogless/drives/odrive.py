@@ -31,7 +31,7 @@ from cogless.drives.fault_rows import faults, numbers
 from cogless.drives.holding_current import HoldingCurrent, from_samples
 from cogless.drives.odrive_script import write_script
 from cogless.errors import StudyError
-from cogless.identify.files import printable
+from cogless.identify.log_files import printable
 from cogless.identify.read_log import read
 from cogless.results.trace import Array
 

@@ -87,7 +87,7 @@ def study_tables(folder: Path, frame: TableFrame, table: TableText, law: str) ->
 
 def write_study(stage: Path, tables: dict[str, Any]) -> None:
     """Write a study of `study_tables`, and the file of its law beside it."""
-    (stage / STUDY_NAME).write_text(plan.text(tables), "utf-8")
+    (stage / STUDY_NAME).write_text(plan.to_toml(tables), "utf-8")
     place_law(stage)
 
 

@@ -26,8 +26,8 @@ from cogless.errors import StudyError
 from cogless.files import no_device
 from cogless.identify import config, plan, read_log
 from cogless.identify.config import Identification
-from cogless.identify.files import LogColumns, readable
 from cogless.identify.log import Log, logs_of_columns
+from cogless.identify.log_files import LogColumns, readable
 from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read

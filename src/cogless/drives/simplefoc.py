@@ -30,7 +30,7 @@ from cogless.drives.encoder_table import write_simplefoc
 from cogless.drives.holding_current import HoldingCurrent
 from cogless.drives.simplefoc_sketch import write_script
 from cogless.errors import StudyError
-from cogless.identify.files import require_bytes
+from cogless.identify.log_files import require_bytes
 from cogless.results.trace import Array
 from cogless.study.reading import read
 

@@ -28,7 +28,7 @@ from cogless.drives.adapter import (
 from cogless.drives.encoder_table import write_vesc
 from cogless.drives.fault_rows import faults, numbers
 from cogless.errors import StudyError
-from cogless.identify.files import printable
+from cogless.identify.log_files import printable
 from cogless.results.trace import Array
 
 XML_HINT = "the motor configuration that VESC Tool saves as XML"

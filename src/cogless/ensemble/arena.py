@@ -27,7 +27,7 @@ from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
 from cogless.study.messages import dotted
 from cogless.study.metric import EACH_PHASE, result_name
-from cogless.study.reading import find, with_tables
+from cogless.study.reading import find, speed_study, trial_study, with_tables
 
 TOLD_CASE, LATE, HEAVY, LIGHT, HOUR = "told", "late", "heavy", "light", "hour"
 RIPPLE_METRIC = "ripple_rad_s"  # a metric's name in results.json
@@ -274,9 +274,8 @@ def _trials(arena: Arena, name: str, jobs: int) -> list[ArenaTrialRun]:
     """All controllers of a study of trials, with each seed."""
     trials = arena.trials[name]
     path = find(trials.study, "studies", "study", arena.path.parent, f"{arena.path}: trials.{name}.study: ")
-    study = load_study(path, trials.changes)
-    if study.kind != "trials":
-        raise StudyError(f"{arena.path}: trials.{name}.study: expected a study of trials")
+    refusal = f"{arena.path}: trials.{name}.study: expected a study of trials"
+    study = trial_study(load_study(path, trials.changes), refusal)
     of_phases = {result_name(m) for m in study.metric if m.kind in EACH_PHASE}
     runs = []
     studies = [changed(study, {"seed": seed}) for seed in arena.seeds]
@@ -320,10 +319,10 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
     """The study of a plant with these laws, and the reasons why others of them stay away."""
     plant = arena.plant[name]
     path = find(plant.study, "studies", "study", arena.path.parent, f"{arena.path}: plant.{name}.study: ")
-    base = load_study(path, plant.changes)
-    if base.kind != "speed" or plant.scenario not in base.scenario:
-        expected = ", ".join(base.scenario) if base.kind == "speed" else "a study of speed"
-        raise StudyError(f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected {expected}')
+    refusal = f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected'
+    base = speed_study(load_study(path, plant.changes), f"{refusal} a study of speed")
+    if plant.scenario not in base.scenario:
+        raise StudyError(f"{refusal} {', '.join(base.scenario)}")
     controllers = {law: _controller(arena, plant, law) for law in laws}
     absent = {
         law: "this plant's feedback is chosen by hand, and the law has another one"
@@ -354,7 +353,7 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
         try:
             own_keys, values = study.source.tables["controller"][name], automatic(study, name)
         except StudyError as error:
-            lost[name] = str(error).rpartition("tuning: ")[2]
+            lost[name] = error.text_without(f"{study.source.path}: controller.{name}.tuning")
             continue
         changes |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in own_keys}
     for name in study.controller:

@@ -119,12 +119,12 @@ class Scores:
         numbers = [value for value in of_seeds if value is not None]
         return sum(numbers) / len(numbers) if len(numbers) == len(of_seeds) and numbers else None
 
-    def ratio(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
+    def ratio(self, column: str, plant: str, law: str) -> float | None:
         """A law's value over the bar's; None if either wasn't run.
 
         What is never reached counts as the time that there was.
         """
-        of = (self.value(column, plant, name, seeds) for name in (law, self.bar))
+        of = (self.value(column, plant, name) for name in (law, self.bar))
         counts = [None if value is None else self._counted(column, plant, value) for value in of]
         return counts[0] / counts[1] if counts[0] is not None and counts[1] else None
 
@@ -148,10 +148,9 @@ class Scores:
         """Why a law has no score in a column, in two words."""
         return "no bar" if any(self.value(column, p, law) is not None for p in self.plants) else "not run"
 
-    def score(self, column: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
+    def score(self, column: str, law: str) -> float | None:
         """Geometric mean of the ratios over plants; infinite if one is; None if it was on none."""
-        seeds = None if seeds is None else list(seeds)
-        ratios = [r for p in self.plants if (r := self.ratio(column, p, law, seeds)) is not None]
+        ratios = [r for p in self.plants if (r := self.ratio(column, p, law)) is not None]
         if not ratios or math.inf in ratios:
             return math.inf if ratios else None
         return math.exp(sum(math.log(max(r, 1e-9)) for r in ratios) / len(ratios))
@@ -162,21 +161,11 @@ class Scores:
         order = sorted(values, key=lambda law: values[law])
         return [law for law in order if values[law] <= EVEN_RATIO * values[order[0]]]
 
-    def winners(self, column: str, seeds: Iterable[int] | None = None) -> list[str]:
+    def winners(self, column: str) -> list[str]:
         """The laws with the best score of a column, of those that have it wherever the bar has."""
-        seeds = None if seeds is None else list(seeds)
         plants = [p for p in self.plants if self.value(column, p, self.bar) is not None]
         everywhere = [law for law in self.laws if all(self.value(column, p, law) is not None for p in plants)]
-        return self.best(lambda law: self.score(column, law, seeds), everywhere)
-
-    def unsteady(self) -> dict[str, dict[int, list[str]]]:
-        """The columns whose winner changes with the seed: seed -> its best laws, best first."""
-        changing = {}
-        for column in SCORE_COLUMNS:
-            winners = {seed: self.winners(column, [seed]) for seed in self.seeds}
-            if len({laws[0] for laws in winners.values() if laws}) > 1:
-                changing[column] = winners
-        return changing
+        return self.best(lambda law: self.score(column, law), everywhere)
 
 
 def _number(value: float | list[float | None] | None) -> float:

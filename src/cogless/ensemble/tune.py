@@ -51,7 +51,7 @@ class Knob:
     def by_ratio(self) -> bool:
         return self.low > 0 and self.high >= DECADE_RATIO * self.low
 
-    def text(self, share: float) -> Any:
+    def value_at(self, share: float) -> Any:
         """The value at a share of the range, as it stands in a study's file."""
         if self.by_ratio:
             value = self.low * (self.high / self.low) ** share
@@ -297,7 +297,7 @@ def _values(subject: Subject, settings: Settings) -> dict[str, Any]:
     return {
         knob.key: knob.start_text
         if math.isclose(settings[knob.key], knob.start_share, rel_tol=1e-12)
-        else knob.text(settings[knob.key])
+        else knob.value_at(settings[knob.key])
         for knob in subject.knobs
     }
 

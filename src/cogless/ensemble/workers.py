@@ -23,7 +23,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, TypeVar
 
-from cogless.errors import StudyError
+from cogless.errors import StudyError, first_line
 from cogless.run.own_law import no_exit
 from cogless.study import AnyStudy
 from cogless.study.base import Source
@@ -120,7 +120,7 @@ def dask(address: str) -> Iterator[Workers]:
     try:
         client = Client(address, timeout=CLUSTER_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        reason = str(error).splitlines()[0] if isinstance(error, ValueError) else "no answer"
+        reason = first_line(error) if isinstance(error, ValueError) else "no answer"
         expected = "expected the address of a Dask scheduler, such as tcp://127.0.0.1:8786"
         raise StudyError(f"--dask: {address}: {reason}: {expected}") from None
     with client:

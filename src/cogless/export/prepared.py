@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.run.plan import Plan, failures, plan
+from cogless.run.run_plan import Plan, failures, plan
 from cogless.study import AnyStudy
 from cogless.study.table import perhaps
 

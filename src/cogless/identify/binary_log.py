@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.identify.files import (
+from cogless.identify.log_files import (
     LogColumns,
     no_numbers,
     readable,

@@ -45,7 +45,7 @@ def identified_logs(identification: Identification, logs: Sequence[Log], progres
     return Identified(replace(estimate, remarks=(*estimate.remarks, *session_remarks)), traces)
 
 
-def lines(estimate: Estimate) -> list[str]:
+def value_lines(estimate: Estimate) -> list[str]:
     """What was found, a line each."""
     texts = []
     for key, (description, unit, name, torque) in write.VALUE_NAMES.items():

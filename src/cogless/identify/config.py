@@ -21,7 +21,7 @@ from cogless.study.reference import Reference
 from cogless.study.table import Angle, Line, Many, Table, invalid, one_of
 from cogless.units import Dimension
 
-KINDS = (
+Kind = Literal[
     "hold",  # current that holds the rotor at each angle, at rest
     "slow-sweep",
     "constant-speed",
@@ -30,9 +30,6 @@ KINDS = (
     "load",  # a load that is constant within the log, and not known
     "bridge-off",  # the motor carries no current; the phase currents show their offsets
     "table-on",  # an anti-cogging table is on; i_q has its current
-)
-Kind = Literal[
-    "hold", "slow-sweep", "constant-speed", "acceleration", "coast-down", "load", "bridge-off", "table-on"
 ]
 COUNT = "count"  # a unit of the angle: of the position sensor
 SIGNALS: dict[str, Dimension] = {

@@ -23,7 +23,7 @@ from cogless.identify.csv_cells import (
     plain,
     seconds,
 )
-from cogless.identify.files import LogColumns, printable, readable, require_bytes, require_numbers
+from cogless.identify.log_files import LogColumns, printable, readable, require_bytes, require_numbers
 from cogless.results.trace import Array
 
 BLOCK_CHARACTERS = 1 << 22  # that are converted together; no line is longer

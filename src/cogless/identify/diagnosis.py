@@ -377,7 +377,7 @@ def answer(diagnosis: Diagnosis) -> str:
     return f"Most of the ripple is {name}, {verdict}{span} of the square of the speed's ripple in {where}."
 
 
-def lines(diagnosis: Diagnosis) -> list[str]:
+def answer_lines(diagnosis: Diagnosis) -> list[str]:
     """The answer, a line for each log, and one for each order that matters."""
     text = [answer(diagnosis), ""]
     for log in diagnosis.whole:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cogless.errors import StudyError
 from cogless.identify.advice import Advice, AdvisedError, Cure
 from cogless.identify.config import COUNT, Identification, LogRule
-from cogless.identify.files import Columns, LogColumns, printable
+from cogless.identify.log_files import Columns, LogColumns, printable
 from cogless.identify.read_log import read
 from cogless.results.trace import Array
 from cogless.units import DEGREE, RPM, TURN

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.identify.files import (
+from cogless.identify.log_files import (
     LogColumns,
     no_numbers,
     readable,

@@ -18,6 +18,7 @@ from cogless.study import AnyStudy, Study
 from cogless.study.messages import toml
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Hall
+from cogless.study.reading import speed_study
 from cogless.units import RPM, TURN
 
 LOG_RATE = 1000.0  # rows of a log a second; fewer for a rotor that sticks
@@ -145,8 +146,10 @@ def _rate(loop: float, wave: float) -> float:
 
 def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     """The study that plays the sequence, and the file for its logs, as tables."""
-    if not isinstance(study, Study) or study.motor.kind != "pmsm":
-        raise StudyError(f"{study.source.path}: expected a study of speed with a synchronous motor")
+    refusal = f"{study.source.path}: expected a study of speed with a synchronous motor"
+    study = speed_study(study, refusal)
+    if study.motor.kind != "pmsm":
+        raise StudyError(refusal)
     if isinstance(study.drive.position_sensor, Hall):
         raise StudyError(
             f"{study.source.path}: drive.position_sensor: Hall sensors show six angles of an electrical "
@@ -203,7 +206,7 @@ def _feedback(study: Study) -> str:
 
 def lowered(study: AnyStudy) -> str:
     """What the bus voltage does to the speeds of the plan, a sentence; "": nothing."""
-    assert isinstance(study, Study)
+    study = speed_study(study)
     law = _feedback(study)
     most, (played, _) = highest(study, law), scenarios(study, law)
     if study.drive.inverter is None or _top(played) < AT_LIMIT * most:
@@ -218,7 +221,7 @@ def write(study: AnyStudy, folder: Path) -> None:
     """Write study.toml and id.toml to a folder."""
     play, identify = tables(study)
     for name, table in (("study", play), ("id", identify)):
-        (folder / f"{name}.toml").write_text(text(table), encoding="utf-8")
+        (folder / f"{name}.toml").write_text(to_toml(table), encoding="utf-8")
 
 
 def _top(played: dict[str, Any]) -> float:
@@ -227,7 +230,7 @@ def _top(played: dict[str, Any]) -> float:
     return max(abs(units.parse(speed, units.ANGULAR_SPEED)) for speed in speeds)
 
 
-def text(tables: dict[str, Any]) -> str:
+def to_toml(tables: dict[str, Any]) -> str:
     """Tables as TOML, a line for each key of the first two levels."""
     lines: list[str] = []
     for key, value in tables.items():

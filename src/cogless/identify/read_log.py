@@ -15,7 +15,7 @@ from cogless.errors import StudyError
 from cogless.files import no_device
 from cogless.identify.binary_log import read_mat, read_npz, read_parquet, read_trace
 from cogless.identify.csv_log import read_csv
-from cogless.identify.files import Columns, LogColumns, no_numbers, readable
+from cogless.identify.log_files import Columns, LogColumns, no_numbers, readable
 from cogless.identify.mdf_log import read_mdf
 from cogless.results.trace import Array
 

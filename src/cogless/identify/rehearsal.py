@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from cogless.identify import config
-from cogless.identify.command import lines, standing_out
+from cogless.identify.command import standing_out, value_lines
 from cogless.identify.config import Identification
 from cogless.identify.estimate import Progress, estimate_motor
 from cogless.identify.log import load_logs
@@ -18,7 +18,7 @@ from cogless.results.trace import write_netcdf
 from cogless.run.simulate import rollout
 from cogless.study import Study
 from cogless.study.base import Source
-from cogless.study.reading import checked, read
+from cogless.study.reading import checked, read, speed_study
 
 
 def expected(folder: Path, progress: Progress, own_law: Mapping[str, Any] | None = None) -> list[str]:
@@ -34,7 +34,7 @@ def expected(folder: Path, progress: Progress, own_law: Mapping[str, Any] | None
         write_netcdf(logs, results.runs)
         estimate = estimate_motor(identification, load_logs([logs], identification), progress)
     sure = standing_out(estimate)
-    return [*lines(sure), *(f"! {line}" for line in (*missed(study, estimate), *sure.left_out))]
+    return [*value_lines(sure), *(f"! {line}" for line in (*missed(study, estimate), *sure.left_out))]
 
 
 def _under(own_law: Mapping[str, Any], folder: Path) -> tuple[Study, Identification]:
@@ -46,8 +46,7 @@ def _under(own_law: Mapping[str, Any], folder: Path) -> tuple[Study, Identificat
         played["controller"] = log_file["controller"] = dict(own_law)
         for rule in log_file["log"]:
             rule["controller"] = name
-    study = checked(Source(paths[0], played))
-    assert isinstance(study, Study)  # A plan is one.
+    study = speed_study(checked(Source(paths[0], played)))
     return study, config.from_tables(paths[1], log_file, list(own_law))
 
 

@@ -27,10 +27,9 @@ from cogless.identify.result import Estimate, Value
 from cogless.identify.voltage import Agreement
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
-from cogless.study import Study
 from cogless.study.base import Source
 from cogless.study.drive import Drive
-from cogless.study.reading import checked
+from cogless.study.reading import checked, speed_study
 
 REPLAY_ROUNDS = 2
 NO_LATENESS = Lateness(None)
@@ -60,8 +59,7 @@ def played(estimate: Estimate, progress: Callable[[float], None], dead_time: flo
         name = described.scenario_name(log)
         one = {**tables, "scenario": {name: tables["scenario"][name]}, "trace": {"rate": f"{rate!r} Hz"}}
         one["metric"] = []
-        study = checked(Source(Path(estimate.identification.path), one))
-        assert isinstance(study, Study)
+        study = speed_study(checked(Source(Path(estimate.identification.path), one)))
         (results,) = rollout([study], [f"*/{log.rule.controller or next(iter(study.controller))}"], jobs=1)
         traces[log.name] = _log_signals(results.runs[0].trace)
     return traces

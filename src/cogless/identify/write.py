@@ -179,4 +179,4 @@ def _study(estimate: Estimate) -> str:
         for wave in estimate.waves(name)
         if name in ("friction", "encoder")
     ]
-    return "\n".join([*_head(estimate), *notes, "", plan.text(tables)])
+    return "\n".join([*_head(estimate), *notes, "", plan.to_toml(tables)])

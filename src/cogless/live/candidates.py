@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, get_args, get_origin
+from typing import Annotated, Any, cast, get_args, get_origin
 
 from cogless import units
 from cogless.design.trials.from_study import design_study, retuned, uncertain_plant
@@ -17,7 +17,7 @@ from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
 from cogless.study.drive import IdealCurrentLoop
-from cogless.study.laws.trial import FilteredLaw, ObserverIlc, QFilter, TrialIlc
+from cogless.study.laws.trial import FilteredLaw, QFilter
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.reading import Changes, changed
 from cogless.study.table import Quantity
@@ -48,7 +48,7 @@ class Candidate:
     stops: tuple[float, ...] = ()  # the only values that it may have
     elsewhere: bool = False
 
-    def text(self, value: float) -> Any:
+    def study_value(self, value: float) -> Any:
         """The value as it stands in a study."""
         number: Any = round(value) if self.whole else value
         return f"{shortest(value)} {self.unit}" if self.unit else number
@@ -460,17 +460,17 @@ def _chosen(study: TrialStudy, run: Pair) -> Changes:
         return {}
     design = design_study(study, [run])[run]
     gain, cutoff, q = law.TRIAL_GAIN, design.gains.cutoff, design.q_filter
-    if isinstance(law, ObserverIlc):
-        observer = design.gains.observer
-        chosen = {"pole": observer.pole if observer is not None else None, "cutoff": _hertz(cutoff)}
+    observer = design.gains.observer
+    if observer is not None:
+        chosen = {"pole": observer.pole, "cutoff": _hertz(cutoff)}
         return {f"{where}.{key}": x for key, x in chosen.items() if x and getattr(law, key) is None}
     if not gain or not design.K_3:
         return {}
-    pins: dict[str, Any] = {f"{where}.{gain}": design.K_3} if getattr(law, gain) is None else {}
-    if isinstance(law, TrialIlc) and not isinstance(law.shift, int):
+    own = cast("FilteredLaw", law)
+    pins: dict[str, Any] = {f"{where}.{gain}": design.K_3} if getattr(own, gain) is None else {}
+    if own.SHIFTS_ON_PAGE and not isinstance(own.shift, int):
         pins[f"{where}.shift"] = design.shift
-    own = getattr(law, "q_filter", None)
-    if q is not None and cutoff and not isinstance(getattr(own, "cutoff", None), float):
+    if q is not None and cutoff and not isinstance(own.q_filter, QFilter):
         shape = {"order": len(q.b) - 1, "ends": "odd" if q.odd else "even", "acts_on": design.filtered}
         pins[f"{where}.q_filter"] = {"cutoff": _hertz(cutoff), **shape}
     return pins
@@ -490,13 +490,18 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
     law, where = study.controller[name], f"controller.{quoted(name)}"
     if not law.learns_from_trials:
         return
-    if isinstance(law, ObserverIlc):
-        for key, value, ends in (("cutoff", _hertz(law.cutoff), (0.3, 2.0)), ("pole", law.pole, (0.3, 2.0))):
-            if value is not None:
-                yield from key_candidate(f"{where}.{key}", key, name, law, key, value, ends, controller=name)
-        return
-    if not isinstance(law, FilteredLaw):
-        return
+    for key in law.TRIAL_RULE_KEYS:
+        number = getattr(law, key)
+        value = _hertz(number) if key == "cutoff" else number
+        if value is not None:
+            path = f"{where}.{key}"
+            yield from key_candidate(path, key, name, law, key, value, (0.3, 2.0), controller=name)
+    if law.TRIAL_GAIN:
+        yield from _of_filtered_law(study, name, cast("FilteredLaw", law))
+
+
+def _of_filtered_law(study: TrialStudy, name: str, law: FilteredLaw) -> Iterator[Candidate]:
+    where = f"controller.{quoted(name)}"
     run = next(pair for pair in page_runs(study) if pair[1] == name)
     gain = law.TRIAL_GAIN
     has_gain, K_3 = getattr(law, gain) is not None, retuned(study, run, study).K_3
@@ -510,7 +515,7 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
         own = study.source.tables["controller"][name]["q_filter"]
         key, label = f"{where}.q_filter.cutoff", "q_filter.cutoff" + stays * (q.acts_on == "signal")
         yield from key_candidate(key, label, name, q, "cutoff", own["cutoff"], (0.3, 2.0), controller=name)
-    if has_gain and isinstance(law, TrialIlc) and isinstance(law.shift, int):
+    if has_gain and law.SHIFTS_ON_PAGE and isinstance(law.shift, int):
         least = uncertain_plant(study).relative_degree
         span = (float(least), float(max(4 * law.shift, SHIFT_MOST)), "")
         yield from key_candidate(
@@ -523,9 +528,7 @@ def _weight(study: TrialStudy) -> Iterator[Candidate]:
     laws = [
         study.controller[name] for name in dict.fromkeys(controller for _, controller in page_runs(study))
     ]
-    designed = [
-        law for law in laws if isinstance(law, FilteredLaw) and not law.model_dump().get(law.FEEDBACK)
-    ]
+    designed = [law for law in laws if law.TRIAL_FEEDBACK and not getattr(law, law.TRIAL_FEEDBACK)]
     learning = [law for law in designed if law.learns_from_trials]
     if not designed or any(getattr(law, law.TRIAL_GAIN) is None for law in learning):
         return

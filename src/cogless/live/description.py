@@ -21,7 +21,7 @@ from cogless.control_library import C_LAWS
 from cogless.design.kinds import DESIGNS
 from cogless.design.trials.from_study import retuned
 from cogless.run.drive_config import engine_config
-from cogless.run.plan import plan
+from cogless.run.run_plan import plan
 from cogless.run.simulate import Pair
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy
@@ -126,7 +126,7 @@ class _Packer:
         self.data += REAL_VALUE.pack(REAL, 0, of)
         self.shape.append(path)
 
-    def text(self, of: str, path: str) -> None:
+    def string(self, of: str, path: str) -> None:
         self._head(TEXT, len(of.encode()), f"{path}={of}")
         self.data += _padded(of.encode())
 
@@ -182,7 +182,7 @@ PACKERS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None
     (bool, _Packer.boolean),
     ((int, np.integer), _Packer.integer),
     ((float, np.floating), _Packer.real),
-    (str, _Packer.text),
+    (str, _Packer.string),
     (bytes, _Packer.struct),
     (Mapping, _Packer.table),
     (np.ndarray, _Packer.matrix),

@@ -212,7 +212,7 @@ def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
     """The end, or if the study refuses it, a value nearer to the study's own."""
     for _ in range(END_HALVINGS):
         try:
-            changed(study, {candidate.key: candidate.text(end)})
+            changed(study, {candidate.key: candidate.study_value(end)})
             return end
         except StudyError:
             middle = (end + candidate.start) / 2
@@ -291,7 +291,7 @@ def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, Packe
         try:
             return value, _changed(study, [(candidate, value)]), ""
         except (StudyError, MisfitError) as error:
-            whys.append(str(error).splitlines()[0].rpartition(": ")[2])
+            whys.append(error.expected)
     return candidate.start, {}, whys[0] if whys else ""
 
 
@@ -388,7 +388,7 @@ def _changed(
     study: AnyStudy, values: Sequence[tuple[Candidate, float]], pairs: Sequence[Pair] | None = None
 ) -> dict[Place, Packed]:
     """The descriptions with these values, for `pairs`, or for all runs that the keys can change."""
-    other = changed(study, {candidate.key: candidate.text(value) for candidate, value in values})
+    other = changed(study, {candidate.key: candidate.study_value(value) for candidate, value in values})
     if pairs is None:
         pairs = list(dict.fromkeys(pair for candidate, _ in values for pair in candidate.pairs(study)))
     return packed(other, pairs, study)
@@ -416,7 +416,7 @@ def _tabulated(study: AnyStudy, base: PackedRuns, candidate: Candidate) -> Key |
     variants: dict[float, AnyStudy] = {}
     for value in candidate.stops or _grid(candidate):
         with suppress(StudyError):
-            variants[value] = changed(study, {candidate.key: candidate.text(value)})
+            variants[value] = changed(study, {candidate.key: candidate.study_value(value)})
     values = list(variants)
     few = {*values[:1], *values[-1:], *values[len(values) // 2 :][:1], candidate.start} & variants.keys()
     columns: dict[Place, Columns] = {}

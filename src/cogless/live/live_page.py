@@ -37,7 +37,7 @@ from cogless.results.held_speed import (
     REST_ERROR_MOST,
 )
 from cogless.results.metrics import result_name
-from cogless.run.plan import NEVER_LEARNS
+from cogless.run.run_plan import NEVER_LEARNS
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
 from cogless.study.metric import CARRIAGE_ORDERS, EACH_TRIAL, SIGNAL_DIMENSIONS, Metric, whole_revolutions

@@ -16,7 +16,7 @@ from cogless.export.prepared import Prepared, Recording, prepare, record, run
 from cogless.pil.processor import Image
 from cogless.pil.target import CoilTarget, Target, build
 from cogless.pil.toolchain import Toolchain
-from cogless.run.plan import RunProgress
+from cogless.run.run_plan import RunProgress
 from cogless.study import AnyStudy
 
 TICKS_DEFAULT = 100_000

@@ -85,10 +85,6 @@ class Axis(Table):
         return (1.0, 0.0) if self.motor == "x" else (0.0, 1.0)
 
     @property
-    def pulley_radius(self) -> float:
-        return self.pulley_teeth * self.belt_pitch / math.tau
-
-    @property
     def torque_at_current(self) -> float | None:
         """T_h: the largest torque against a deflection, at the firmware's rms current, N m.
 

@@ -161,7 +161,7 @@ def _remaining_share(loop: LearningLoop, f: Real, offset: float) -> Complex:
     at = (learned + offset) * loop.periods_per_second
     if not len(at):
         return np.full(len(f), np.nan + 0j)
-    remaining = np.interp(f, at, loop.left(at))
+    remaining = np.interp(f, at, loop.share_left(at))
     return np.where((f >= at[0]) & (f <= at[-1]), remaining, np.nan)
 
 
@@ -303,7 +303,7 @@ def _expected(study: Study, name: str) -> str | None:
         return None
     if forecast.kind != "settles":
         return forecast.short()
-    return forecast.passing.words(forecast.unit) if forecast.passing else ""
+    return forecast.passing.in_words(forecast.unit) if forecast.passing else ""
 
 
 def _foreseen_words(grows: str | None) -> str:

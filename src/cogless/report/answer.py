@@ -44,7 +44,7 @@ def answer(results: Results, runs: Sequence[Run]) -> Answer | None:
     if pair is None:
         return None
     line = pair.line
-    figures = [(run.controller, "", line.text(run.controller)) for run in pair.runs]
+    figures = [(run.controller, "", line.value_text(run.controller)) for run in pair.runs]
     if pair.off is not None:
         figures.insert(-1, (pair.off.controller, "learning off", pair.off.text))
     return Answer(figures, changed_by(pair), ", ".join(word for word in (line.quantity, line.window) if word))
@@ -112,7 +112,9 @@ def _revolution(results: Results, pair: Contrast, drawn: DrawnSignal) -> list[Ov
         start, x, x_unit = float(begin), "time (s)", "s"
         title, cycles = f"{drawn.quantity.capitalize()} over the time", 0
     series = [
-        Curve(controller=place(results, run), label="", text=pair.line.text(run.controller), values=curve)
+        Curve(
+            controller=place(results, run), label="", text=pair.line.value_text(run.controller), values=curve
+        )
         for run, curve in zip(runs, curves, strict=True)
     ]
     return [

@@ -131,13 +131,13 @@ class Line:
         """The line's title, such as "speed ripple" or "speed orders: order 6 (electrical)"."""
         if self.order is None:
             return self.quantity
-        return f"{self._words.removesuffix(' order')}: order {self.order:g} ({self.frame})"
+        return f"{self._plain_name.removesuffix(' order')}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
         """The line's quantity as used within a sentence, such as "speed order 6 (electrical)"."""
         if self.order is None:  # electrical angles and speeds are marked as such
-            return self._words + (" (electrical)" if self.frame == "electrical" else "")
+            return self._plain_name + (" (electrical)" if self.frame == "electrical" else "")
         signal = QUANTITIES.get(self.signal or "", self.signal)
         return f"{signal} order {self.order:g} ({self.frame})"
 
@@ -149,11 +149,11 @@ class Line:
 
     def not_held(self, controller: str) -> str:
         """When and by how much the speed was missed, such as "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
-        place = ", ".join(part for part in (self._words, self.window) if part)
+        place = ", ".join(part for part in (self._plain_name, self.window) if part)
         return f"{place}: {self.missed[controller]}"
 
     @property
-    def _words(self) -> str:
+    def _plain_name(self) -> str:
         return self.name.replace("_", " ").replace("-", " ")
 
     @property
@@ -196,7 +196,7 @@ class Line:
             return "never" if self.kind in EVENT_KINDS else "not finite"
         return f"{value:.0f}" if self.kind in COUNT_KINDS else number(value)
 
-    def text(self, controller: str) -> str:
+    def value_text(self, controller: str) -> str:
         """A controller's value with its unit, if it has a value."""
         value = self.values.get(controller)
         return self.number(controller) + (f" {self.unit}".rstrip() if value is not None else "")

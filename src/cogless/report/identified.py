@@ -13,7 +13,7 @@ import numpy as np
 
 from cogless.files import replacing
 from cogless.identify import described
-from cogless.identify.command import Identified, lines
+from cogless.identify.command import Identified, value_lines
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value, Wave
 from cogless.identify.sessions import SESSION_KEYS, sessions
@@ -48,7 +48,7 @@ def render(identified: Identified) -> str:
 
 
 def _values(estimate: Estimate) -> str:
-    rows = [(line[:30].strip(), line[30:].strip()) for line in lines(estimate)]
+    rows = [(line[:30].strip(), line[30:].strip()) for line in value_lines(estimate)]
     return text_table("", "Values", ("Value", "with its error"), rows) or note("Nothing could be told.")
 
 

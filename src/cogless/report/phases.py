@@ -180,7 +180,7 @@ class Judged:
         """The signal's name in sentences, such as "measured error" or "tau_e"."""
         return ERROR_NAMES.get(self.signal, self.signal)
 
-    def text(self, value: float) -> str:
+    def value_text(self, value: float) -> str:
         """A value in `unit`, as text with the unit."""
         return f"{number(value)} {self.unit}".rstrip() if math.isfinite(value) else "not finite"
 

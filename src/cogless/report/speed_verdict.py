@@ -179,7 +179,7 @@ class _Case(Contest):
 
     def values_in_words(self, controllers: Sequence[str], line: Line | None = None) -> str:
         """Controllers with their values, listed in words; `line`: another line than the one judged by."""
-        return listed([f"{self.label(c)} {(line or self.line).text(c)}" for c in controllers])
+        return listed([f"{self.label(c)} {(line or self.line).value_text(c)}" for c in controllers])
 
 
 def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
@@ -393,7 +393,7 @@ def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = 
     blurred = [c for c in case.holding if part is not None and part.dominates(c)]
     if part is None or not blurred:
         return case, ""
-    values = listed([f"{case.label(c)} {case.line.text(c)} ({part.percent(c)})" for c in blurred])
+    values = listed([f"{case.label(c)} {case.line.value_text(c)} ({part.percent(c)})" for c in blurred])
     whose = "the sensor's own error, which no law can see (its share of the square)"
     own = f"Most of the true {case.line.quantity} is {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
@@ -415,7 +415,10 @@ def _headline(case: _Case) -> tuple[str, str]:
     if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
         return "even", f"{case.where}, {line.quantity}: {case.values_in_words([*line.values])}."
     if ranked == [base] and case.holding == [base]:
-        return "worse", f"{case.where}, only {label(base)} holds the speed: it {_has(line, line.text(base))}."
+        return (
+            "worse",
+            f"{case.where}, only {label(base)} holds the speed: it {_has(line, line.value_text(base))}.",
+        )
     if ranked == [base] and {base, *case.unlearned} == set(case.holding):
         return (
             "even",
@@ -424,7 +427,8 @@ def _headline(case: _Case) -> tuple[str, str]:
     if ranked == [base]:
         return (
             "worse",
-            f"{case.where}, no controller stays better than {label(base)}: it {_has(line, line.text(base))}.",
+            f"{case.where}, no controller stays better than {label(base)}: "
+            f"it {_has(line, line.value_text(base))}.",
         )
     return _comparison(case)
 
@@ -444,15 +448,16 @@ def _comparison(case: _Case) -> tuple[str, str]:
     if winners == [base]:
         best = ranked[1]
         return tone, (
-            f"{case.where}, no controller beats {case.label(base)}: it {_has(line, line.text(base))}; "
-            f"the next, {case.label(best)}, {line.text(best)} ({change_words(case.against(best, base))})."
+            f"{case.where}, no controller beats {case.label(base)}: "
+            f"it {_has(line, line.value_text(base))}; the next, {case.label(best)}, "
+            f"{line.value_text(best)} ({change_words(case.against(best, base))})."
         )
     if base in winners:
         return tone, f"{case.where}, {_have(case)}."
     roughly = "" if len(winners) == 1 else "about "
     ratio = case.against(winners[0], base)
     less = f"{roughly}{times(1 / ratio)} less than" if ratio else "against"
-    less += f" {case.label(base)} ({line.text(base)})"
+    less += f" {case.label(base)} ({line.value_text(base)})"
     if not off:
         return tone, f"{case.where}, {_have(case)}, {less}."
     if off.tone == "better":
@@ -476,7 +481,7 @@ def learning_helps(case: _Case) -> LearningHelps | None:
         return LearningHelps(name, tone="better", words=words, text="not held", value=None)
     metric = next(m for m in case.study.metrics_in(off.scenario) if result_name(m) == off.metric)
     value = off.value / shown_in(case.study, metric)[1]
-    text = replace(line, values={name: value}).text(name)
+    text = replace(line, values={name: value}).value_text(name)
     share = ratio(line.values[name] or 0.0, value)
     if share > 1 + EQUAL_DIFFERENCE:
         tone, against = "worse", f"{times(share)} as much as"
@@ -496,7 +501,7 @@ def _has(line: Line, values: str, several: bool = False) -> str:
 
 def _have(case: _Case) -> str:
     """What the winners leave, such as "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
-    several, values = len(case.winners) > 1, listed([case.line.text(c) for c in case.winners])
+    several, values = len(case.winners) > 1, listed([case.line.value_text(c) for c in case.winners])
     tie = " tie: they" if several else ""
     return f"{case.labels(case.winners)}{tie} {_has(case.line, values, several)}"
 
@@ -587,12 +592,12 @@ def _without_learning(case: _Case) -> str:
         nearest = learning[0]
         return (
             f"{label(best)} doesn't learn; the best that learns is {label(nearest)} with "
-            f"{line.text(nearest)}."
+            f"{line.value_text(nearest)}."
         )
     ratio = line.ratio(rival, best)
     if rival == case.baseline or ratio is None:
         return ""
-    plainly = f"the best without learning, {label(rival)} ({line.text(rival)})"
+    plainly = f"the best without learning, {label(rival)} ({line.value_text(rival)})"
     return f"{label(best)} has {times(ratio)} less than {plainly}."
 
 
@@ -610,7 +615,7 @@ def _worse(case: _Case, controller: str, other: str) -> str:
     ratios = [(line.ratio(controller, other) or 0.0, line) for line in others]
     worst = sorted((pair for pair in ratios if pair[0] >= REPORTED_RATIO), key=lambda pair: -pair[0])
     parts = [
-        f"{times(ratio)} the {line.quantity} ({line.text(controller)} against {line.text(other)})"
+        f"{times(ratio)} the {line.quantity} ({line.value_text(controller)} against {line.value_text(other)})"
         for ratio, line in worst[:METRICS_MOST]
     ]
     return f"Against {case.label(other)}, {case.label(controller)} has {listed(parts)}." if parts else ""
@@ -629,7 +634,7 @@ def _costs(case: _Case) -> str:
         compared += 1
         if ratio > 1 + COST_LEAST:
             more = f"+{100 * (ratio - 1):.0f} %" if ratio < 2 else f"{times(ratio)} the"
-            costs.append(f"{more} {line.quantity} ({line.text(best)})")
+            costs.append(f"{more} {line.quantity} ({line.value_text(best)})")
     if costs:
         return f"Against {case.label(case.baseline)}, {case.label(best)} costs {listed(costs)}."
     if not compared:
@@ -648,7 +653,9 @@ def _rest(case: _Case) -> str:
         return ""
     if base not in case.ranked:
         return f"The others: {case.values_in_words(others)}."
-    parts = [f"{case.label(c)} {case.line.text(c)} ({change_words(case.against(c, base))})" for c in others]
+    parts = [
+        f"{case.label(c)} {case.line.value_text(c)} ({change_words(case.against(c, base))})" for c in others
+    ]
     return f"The others against {case.label(base)}: {listed(parts)}."
 
 

@@ -49,7 +49,7 @@ def _cells(line: Line, controllers: Sequence[str], baseline: str) -> str:
         ratio = line.ratio(controller, baseline) if controller != baseline else None
         factor = f' <span class="ratio">{factor_text(ratio)}</span>' if ratio is not None else ""
         sort = "best" if controller in line.best else "missed" if controller in line.missed else ""
-        value = escape(line.text(controller))
+        value = escape(line.value_text(controller))
         cells.append(f'<td class="{sort}"><span class="value">{value}</span>{factor}</td>')
     return "".join(cells)
 

@@ -203,9 +203,9 @@ class Case(Contest):
         ends = [x if math.isfinite(x) else math.inf for x in self.final[controller]]
         return ends.index(max(ends))
 
-    def text(self, value: float) -> str:
+    def rms_text(self, value: float) -> str:
         """An RMS as text, with its unit."""
-        return self.metric.text(value)
+        return self.metric.value_text(value)
 
     def worst_first(self, controller: str, other: str) -> tuple[float, Phase, str]:
         """The phase whose first-trial RMS is the largest multiple of another's: ratio, phase, both values."""
@@ -215,7 +215,7 @@ class Case(Contest):
             if self.first(other, phase) > 0 and math.isfinite(self.first(controller, phase))
         ]
         ratio, phase = max(ratios, key=lambda pair: pair[0], default=(0.0, self.phases[0]))
-        mine, base = (self.text(self.first(name, phase)) for name in (controller, other))
+        mine, base = (self.rms_text(self.first(name, phase)) for name in (controller, other))
         return ratio, phase, f"{mine} against {base}"
 
     @cached_property

@@ -106,7 +106,7 @@ def _saturates(c: Case, best: str) -> str:
 def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     """The tone and the first sentence if a metric has a floor."""
     best, base = ranked[0], c.baseline
-    floor = f"the floor of {c.text(c.metric.floor or 0.0)} RMS"
+    floor = f"the floor of {c.rms_text(c.metric.floor or 0.0)} RMS"
     passing = any(len(c.never(name)) < len(c.phases) for name in ranked if name in c.counts)
     if len(c.never(best)) == len(c.phases):
         none = "No controller reaches" if len(ranked) > 1 else f"{c.label(best)} never reaches"
@@ -147,20 +147,20 @@ def _least_rms_sentence(c: Case, ranked: Sequence[str]) -> str:
     by_rms = sorted(_contenders(c, [name for name in ranked if name in c.final]), key=c.worst)
     best = by_rms[0]
     phase_words = "each phase with at most" if len(c.phases) > 1 else "with"
-    sentence = _capital(c, f"{c.label(best)} ends {phase_words} {c.text(c.worst(best))} RMS")
+    sentence = _capital(c, f"{c.label(best)} ends {phase_words} {c.rms_text(c.worst(best))} RMS")
     if best != base and base in c.final:
         return f"{sentence}, {_compared_words(c, c.worst(best), c.worst(base), base)}."
     if len(by_rms) > 1:
-        return f"{sentence}; the next, {c.label(by_rms[1])}, with {c.text(c.worst(by_rms[1]))}."
+        return f"{sentence}; the next, {c.label(by_rms[1])}, with {c.rms_text(c.worst(by_rms[1]))}."
     return f"{sentence}."
 
 
 def _compared_words(c: Case, value: float, other: float, name: str) -> str:
     """A value compared with another controller's, such as "21.0 times less than PI (8.20 mrad)"."""
     if not math.isfinite(other):
-        return f"against {c.label(name)} ({c.text(other)})"
+        return f"against {c.label(name)} ({c.rms_text(other)})"
     as_or_than = "as" if same_size(value, other) else "than"
-    return f"{than(value, other)} {as_or_than} {c.label(name)} ({c.text(other)})"
+    return f"{than(value, other)} {as_or_than} {c.label(name)} ({c.rms_text(other)})"
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
@@ -241,7 +241,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
     if best in c.counts and len(c.never(best)) < len(c.phases) and math.isfinite(mine):
         end = "In the last phase" if len(c.phases) > 1 else "At the end"
         sentences.append(
-            f"{end} {c.label(best)} leaves {c.text(mine)} RMS, {_compared_words(c, mine, other, base)}."
+            f"{end} {c.label(best)} leaves {c.rms_text(mine)} RMS, {_compared_words(c, mine, other, base)}."
         )
     ratio, phase, values = c.worst_first(best, base)
     if ratio >= REPORTED_RATIO:
@@ -261,7 +261,7 @@ def _against_its_feedback(c: Case, name: str, best: str) -> str:
         share = f" in {count} of {every} phases, {'most ' if count > 1 else ''}{phase.after}"
         return (
             f"{c.label(name)} is worse than without learning{share if every > 1 else ''}: it ends with "
-            f"{c.text(mine)} RMS, and its feedback alone with {c.text(base)}."
+            f"{c.rms_text(mine)} RMS, and its feedback alone with {c.rms_text(base)}."
         )
     if name != best or name not in c.feedback or name not in c.final:
         return ""
@@ -269,8 +269,8 @@ def _against_its_feedback(c: Case, name: str, best: str) -> str:
     mine, base = c.final[name][index], c.feedback[name][index]
     where = f" {c.phases[index].after}" if len(c.phases) > 1 else ""
     return (
-        f"Without learning {c.label(name)} leaves {c.text(base)} RMS{where}, with learning {c.text(mine)}: "
-        f"{than(mine, base)}."
+        f"Without learning {c.label(name)} leaves {c.rms_text(base)} RMS{where}, "
+        f"with learning {c.rms_text(mine)}: {than(mine, base)}."
     )
 
 
@@ -281,8 +281,8 @@ def _above_for_long(c: Case, name: str) -> str:
         return ""
     trial, error, base = peak
     return (
-        f"{c.label(name)} is worse than its feedback alone in {row} trials in a row: up to {c.text(error)} "
-        f"RMS in trial {trial}, against {c.text(base)}."
+        f"{c.label(name)} is worse than its feedback alone in {row} trials in a row: "
+        f"up to {c.rms_text(error)} RMS in trial {trial}, against {c.rms_text(base)}."
     )
 
 
@@ -312,7 +312,7 @@ def _leaves_floor(c: Case, name: str) -> str:
     if not lost:
         return ""
     rms, after = max(lost, key=lambda entry: entry[0])
-    later = f"{c.text(rms)} RMS in the second half of the trials {after}"
+    later = f"{c.rms_text(rms)} RMS in the second half of the trials {after}"
     return f"{c.label(name)} does not stay at the floor: {later}."
 
 
@@ -322,7 +322,7 @@ def _grows(c: Case, name: str) -> str:
     verb = "diverges" if c.learns(name) else "grows worse"
     if not math.isfinite(high):
         return f"{c.label(name)} {verb} {phase.after}: its error doesn't stay finite."
-    to = f"from {c.text(low)} to {c.text(high)} by trial {phase.stop - 1}"
+    to = f"from {c.rms_text(low)} to {c.rms_text(high)} by trial {phase.stop - 1}"
     return f"{c.label(name)} {verb} {phase.after}: its RMS grows {to}."
 
 

@@ -67,7 +67,7 @@ def over_trials(results: TrialResults, runs: Sequence[Run]) -> Trials:
     title = f"RMS of the {metric_words.quantity} in each trial"
     first = _chart(results, title, "RMS", metric_words.unit, runs, values)
     if floor is not None:
-        first = replace(first, floor=floor, floor_name=f"floor {metric_words.text(floor)}")
+        first = replace(first, floor=floor, floor_name=f"floor {metric_words.value_text(floor)}")
     charts = [first]
     for metric in study.metrics_in(scenario):
         if metric.kind in EACH_TRIAL and (metric.kind, metric.signal) != ("rms", metric_words.signal):
@@ -275,7 +275,7 @@ def answer(results: TrialResults, runs: Sequence[Run]) -> Answer | None:
     best, chosen = best_of(judged), first_and_last(worst_phase(judged))
     errors = [float(judged.rms[best][trial - 1]) for trial in chosen]
     figures = [
-        (best, f"trial {trial}", judged.metric.text(x)) for trial, x in zip(chosen, errors, strict=True)
+        (best, f"trial {trial}", judged.metric.value_text(x)) for trial, x in zip(chosen, errors, strict=True)
     ]
     compared = len(errors) > 1 and math.isfinite(sum(errors))
     words = change_words(ratio(errors[-1], errors[0])) if compared else ""

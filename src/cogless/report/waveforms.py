@@ -68,18 +68,18 @@ class View:
     span: tuple[float, float] | None
     points: int
 
-    def rows(self, trace: Trace) -> slice:
+    def rows_of(self, trace: Trace) -> slice:
         return slice(None) if self.span is None else trace.window(*self.span)
 
     def grid(self, trace: Trace) -> Grid:
         """Start and step of the view's points, s. A thinned value is at the middle time of its rows."""
-        time = trace.time[self.rows(trace)]
+        time = trace.time[self.rows_of(trace)]
         step = (bucket(len(time), self.points) / 2 or 1.0) * trace.period
         return Grid(float(time[0]) + (step - trace.period) / 2, step)
 
     def thinned(self, trace: Trace, values: Callable[[slice], Array]) -> Array:
         """The view's points of what `values` gives for rows of the trace; a long trace is read in pieces."""
-        first, last, _ = self.rows(trace).indices(len(trace))
+        first, last, _ = self.rows_of(trace).indices(len(trace))
         size = bucket(last - first, self.points)
         if not size:
             return values(slice(first, last))

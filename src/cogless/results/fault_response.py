@@ -64,7 +64,7 @@ def faults_in(study: Study, scenario: str) -> list[Fault]:
     """Faults of a scenario in order of time. In a study with faults, temporary loads count as faults, too."""
     experiment = study.scenario[scenario]
     end = experiment.duration
-    single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in experiment.faults]
+    single = [Fault(f.time, min(f.end, end), (f.effect,), f.end >= end) for f in experiment.faults]
     single += [
         Fault(came.time, went.time, (f"load of {1e3 * came.load:.3g} mN·m",))
         for came, went in _knocks(study, scenario)

@@ -88,7 +88,7 @@ class _Knob:
     lower: float
     upper: float
 
-    def text(self, x: float) -> str | float:
+    def study_value(self, x: float) -> str | float:
         number = float(f"{x * self.scale:.6g}")
         return f"{number!r} {self.unit}" if self.unit else number
 
@@ -144,7 +144,7 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
         settled, interrupted = False, True
     fitted = _with(study, knobs, best)
     parameters = tuple(
-        Fitted(k.key, toml_text(k.text(s)), toml_text(k.text(x)))
+        Fitted(k.key, toml_text(k.study_value(s)), toml_text(k.study_value(x)))
         for k, s, x in zip(knobs, start, best, strict=True)
     )
     residuals = tuple(_residuals(fitted, metrics_of, jobs))
@@ -168,7 +168,7 @@ def _deciding_tables(study: AnyStudy, scenario: str, controller: str) -> str:
 
 
 def _with(study: AnyStudy, knobs: list[_Knob], x: NDArray[np.float64]) -> AnyStudy:
-    return changed(study, {knob.key: knob.text(value) for knob, value in zip(knobs, x, strict=True)})
+    return changed(study, {knob.key: knob.study_value(value) for knob, value in zip(knobs, x, strict=True)})
 
 
 def _knob(study: AnyStudy, index: int, parameter: FitParameter) -> _Knob:

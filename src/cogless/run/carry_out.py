@@ -13,7 +13,7 @@ from cogless.results import Run
 from cogless.results.fault_response import faults_in, responses
 from cogless.results.metrics import Value, evaluate, result_name
 from cogless.results.trace import Trace, TraceRoom
-from cogless.run.plan import Plan, RunProgress, advance, failures, feedback_plan, memory_enough, trace_of
+from cogless.run.run_plan import Plan, RunProgress, advance, failures, feedback_plan, memory_enough, trace_of
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.base import Kind
 
@@ -34,8 +34,8 @@ def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
 def carried_out(planned: Plan, progress: RunProgress, stop: Event, room: TraceRoom | None) -> Run:
     """Run a plan alone, and compute its metrics. StudyError: the run failed."""
     drive, state = planned.drive, planned.start()
-    file = room.file(drive.signals, planned.rows) if room is not None else None
-    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else planned.rows)
+    file = room.file(drive.signals, planned.trace_rows) if room is not None else None
+    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else planned.trace_rows)
 
     def after_a_piece(share: float) -> None:
         if file is not None:
@@ -56,7 +56,7 @@ class _Lane:
 
     def __init__(self, planned: Plan, room: TraceRoom | None) -> None:
         self.planned, self.state, self.error = planned, planned.start(), ""
-        rows = planned.rows
+        rows = planned.trace_rows
         self.file = room.file(planned.drive.signals, rows) if room is not None else None
         self.recorder = planned.engine.Recorder(planned.drive, planned.decimation, 0 if self.file else rows)
 
@@ -141,7 +141,7 @@ def _feedback_trace(study: TrialStudy, planned: Plan) -> Trace | None:
     if alone is None:
         return None
     state = alone.start()
-    recorder = alone.engine.Recorder(alone.drive, alone.decimation, alone.rows)
+    recorder = alone.engine.Recorder(alone.drive, alone.decimation, alone.trace_rows)
     with failures(*alone.names, lambda: " without learning"):
         alone.drive.advance(state, recorder, alone.ticks)
     return trace_of(alone.drive, recorder)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from cogless.catalogue import sensor_bits
 from cogless.design.gentler import timed_edges
 from cogless.results import Run
-from cogless.run.causes import CURRENTS, INVERTER, LOOP, SENSOR, later, longer
+from cogless.run.suspects import CURRENTS, INVERTER, LOOP, SENSOR, later, longer
 from cogless.study import Study, for_scenario
 from cogless.study.drive import CurrentLoop, EncoderTable
 from cogless.study.metric import Metric

@@ -27,9 +27,9 @@ from cogless.errors import StudyError
 from cogless.results import Run
 from cogless.results.limits import AND, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Limits
 from cogless.results.metrics import Value, result_name
-from cogless.run.causes import ROWS_KEY, Suspect, suspects
 from cogless.run.cures import candidates
 from cogless.run.simulate import RunError, rollout
+from cogless.run.suspects import ROWS_KEY, Suspect, suspects
 from cogless.study import Study, changed, for_scenario
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Counted

@@ -22,7 +22,7 @@ from cogless.results import AnyResults, Results, Run
 from cogless.results.runs import RESULTS
 from cogless.results.trace import TraceRoom
 from cogless.run.carry_out import carried_out, carried_out_together
-from cogless.run.plan import Plan, RunProgress, Stopped, learning_off_plan, memory_enough, plan
+from cogless.run.run_plan import Plan, RunProgress, Stopped, learning_off_plan, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study
 from cogless.study.table import perhaps

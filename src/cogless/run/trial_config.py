@@ -9,7 +9,6 @@ import numpy as np
 from cogless.c_layout import control_layout
 from cogless.design.trials.model import Model, sampled
 from cogless.run.drive_config import drive_config, mechanics_config, motor_config, own_law_config
-from cogless.study.laws.trial import TrialLaw
 
 if TYPE_CHECKING:
     from cogless.design.trials.gains import TrialParameters
@@ -59,8 +58,7 @@ def engine_config(
 
 
 def _law(study: TrialStudy, scenario: str, name: str, design: TrialParameters) -> dict[str, Any]:
-    law, ahead, q = study.controller[name], design.feedforward, design.q_filter
-    assert isinstance(law, TrialLaw)
+    law, ahead, q = study.trial_law(name), design.feedforward, design.q_filter
     num, den, preview = (ahead.num, ahead.den, ahead.preview) if ahead else ((), (), 0)
     b, a = (q.b, q.a) if q else ((), ())
     if study.plant is not None:

@@ -447,6 +447,20 @@ def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
     return study
 
 
+def speed_study(study: AnyStudy, refusal: str = "") -> Study:
+    """A study that has to be one of speed. StudyError with this text: it is one of trials."""
+    if isinstance(study, Study):
+        return study
+    raise StudyError(refusal or f"{study.source.path}: expected a study of speed")
+
+
+def trial_study(study: AnyStudy, refusal: str) -> TrialStudy:
+    """A study that has to be one of trials. StudyError with this text: it is one of speed."""
+    if isinstance(study, TrialStudy):
+        return study
+    raise StudyError(refusal)
+
+
 def _of_each(scenarios: Iterable[str], make: Callable[[str], Made]) -> dict[str, Made]:
     """Call `make` for each scenario; a single StudyError lists the mistakes of all scenarios."""
     by_scenario: dict[str, Made] = {}

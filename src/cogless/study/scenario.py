@@ -51,7 +51,7 @@ class AngleFault(FaultBase):
     """Angle and speed are not numbers, or the sensor keeps its last angle."""
 
     @property
-    def words(self) -> str:
+    def effect(self) -> str:
         return "position sensor gives no number" if self.kind == "angle-missing" else "position sensor stuck"
 
 
@@ -65,7 +65,7 @@ class AngleJump(FaultBase):
     """Mechanical angle of the shift."""
 
     @property
-    def words(self) -> str:
+    def effect(self) -> str:
         return f"position sensor off by {math.degrees(self.angle):.3g}°"
 
 
@@ -78,7 +78,7 @@ class CurrentFault(FaultBase):
     """Phase of that sensor. With two sensors the third current is computed from the others."""
 
     @property
-    def words(self) -> str:
+    def effect(self) -> str:
         reads = "gives no number" if self.kind == "current-missing" else "reads zero"
         return f"current sensor of phase {self.phase} {reads}"
 
@@ -92,7 +92,7 @@ class BusFault(FaultBase):
     """Bus voltage during the fault."""
 
     @property
-    def words(self) -> str:
+    def effect(self) -> str:
         return f"bus at {self.voltage:.3g} V"
 
 

@@ -11,14 +11,6 @@ from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, metric_checks, numerics
 from cogless.study.drive import TRACE_ROWS_MOST
-from cogless.study.laws.trial import (
-    FilteredLaw,
-    NormOptimalIlc,
-    ObserverIlc,
-    SignalFilter,
-    StateIlc,
-    TrialLaw,
-)
 from cogless.study.table import invalid
 from cogless.study.trial_study import Deviations, TrialConditions, WithUnit
 
@@ -82,8 +74,7 @@ def samples(study: TrialStudy) -> None:
             expected = f"expected at most {TRACE_ROWS_MOST * scenario.trials / rows:.0f}, {rows:.3g} rows"
             raise invalid(f"{expected} of the trace are too many", "scenario", name, "trials")
         for controller in study.controllers_in(name):
-            matrix = isinstance(study.controller[controller], NormOptimalIlc)
-            if matrix and round(count) > LARGEST_MATRIX:
+            if study.controller[controller].BY_MATRIX and round(count) > LARGEST_MATRIX:
                 expected = (
                     f'expected at most {LARGEST_MATRIX} samples, since "{controller}" learns by a matrix'
                 )
@@ -192,35 +183,20 @@ def _override(study: TrialStudy, key: str, value: object, where: tuple[str | int
 
 def controllers(study: TrialStudy) -> None:
     """Check that given gains and the state weight have one number per state, and one for an integrator."""
-    n, size = study.states, len(study.design.state_weight)
-    whole = f"expected {n + 1} numbers: one a state, and the integrator's"
-    if size not in (n, n + 1):
-        raise invalid(whole, "design", "state_weight")
+    n = study.states
+    if len(study.design.state_weight) not in (n, n + 1):
+        raise invalid(
+            f"expected {n + 1} numbers: one a state, and the integrator's", "design", "state_weight"
+        )
     for name, controller in study.controller.items():
-        if not isinstance(controller, TrialLaw):
-            if study.plant is not None:
-                expected = "expected a law of trials, since a law of your own needs a drive"
-                raise invalid(expected, "controller", name, "law")
-            if controller.begins_with is not None:
-                expected = "expected none: what is learned from trial to trial belongs to their reference"
-                raise invalid(expected, "controller", name, "start")
-        elif isinstance(controller, StateIlc):
-            if controller.K_stab is not None and len(controller.K_stab) != n:
-                raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")
-        elif isinstance(controller, ObserverIlc):
-            if controller.cutoff is not None and controller.cutoff >= 0.5 / study.period:
-                expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
-                raise invalid(expected, "controller", name, "cutoff")
-        elif controller.K_s is not None and len(controller.K_s) not in (
-            (n + 1,) if controller.integral else (n, n + 1)
-        ):
-            raise invalid(whole, "controller", name, "K_s")
-        elif controller.K_s is None and controller.integral and size == n:
-            raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
-        q = controller.q_filter if isinstance(controller, FilteredLaw | NormOptimalIlc) else None
-        if isinstance(q, SignalFilter) and q.cutoff >= 0.5 / study.period:
-            expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
-            raise invalid(expected, "controller", name, "q_filter", "cutoff")
+        if controller.of_trials:
+            study.trial_law(name).check_trials(study, name)
+        elif study.plant is not None:
+            expected = "expected a law of trials, since a law of your own needs a drive"
+            raise invalid(expected, "controller", name, "law")
+        elif controller.begins_with is not None:
+            expected = "expected none: what is learned from trial to trial belongs to their reference"
+            raise invalid(expected, "controller", name, "start")
 
 
 def integration(study: TrialStudy) -> None:

@@ -9,14 +9,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, sqrt
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from cogless import units
 from cogless.study.base import StudyBase, Timing
 from cogless.study.drive import OUTER_LOOPS, Drive
-from cogless.study.laws.trial import DesignSettings, TrialController
+from cogless.study.laws.trial import DesignSettings, TrialController, TrialLaw
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.metric import EACH_PHASE, EACH_TRIAL, LAST_TRIAL, Conditions, Metric
@@ -289,6 +289,10 @@ class TrialStudy(StudyBase):
     def states(self) -> int:
         """Number of the plant's states; for a drive two, angle and speed."""
         return len(self.plant.C) if self.plant is not None else 2
+
+    def trial_law(self, name: str) -> TrialLaw:
+        """A controller of which the caller knows that its law is one of trials."""
+        return cast("TrialLaw", self.controller[name])
 
     def samples(self, scenario: str) -> int:
         """Number of samples in a trial."""

@@ -218,7 +218,7 @@ class Certified:
         together = self.rate < (math.inf if self.most is None else self.most)
         return self.gamma > 0 and together and self.snaps is None
 
-    def words(self) -> str:
+    def in_words(self) -> str:
         """The certificate at this speed in words."""
         if self.snaps is not None:
             return f"not judged {self.snaps}"
@@ -259,7 +259,7 @@ class Certificate:
         """Whether all acting orders converge at all speeds."""
         return all(speed.fine for speed in self.speeds)
 
-    def words(self) -> str:
+    def in_words(self) -> str:
         """The certificate in one line."""
         if not self.speeds:
             highest = self.learner.base * self.learner.orders
@@ -270,7 +270,7 @@ class Certificate:
             )
         if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
-        phrases = [speed.words() for speed in self.speeds]
+        phrases = [speed.in_words() for speed in self.speeds]
         ends = [f"learns up to {self.fastest / RPM:.4g} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:

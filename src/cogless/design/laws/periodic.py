@@ -22,7 +22,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar, cast
 
 import numpy as np
 
@@ -69,10 +69,7 @@ class PeriodicLoop(LearningLoop):
 
     @property
     def law(self) -> Learning:
-        law = self.study.controller[self.controller]
-        if not isinstance(law, Learning):
-            raise TypeError(f"controller {self.controller}: expected pi-ilc or robust-ilc")
-        return law
+        return cast("Learning", self.study.controller[self.controller])
 
     @property
     def forgetting(self) -> float:

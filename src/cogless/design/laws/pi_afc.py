@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,10 +53,7 @@ class OrderLoop(LearningLoop):
 
     @property
     def law(self) -> PiAfc:
-        law = self.study.controller[self.controller]
-        if not isinstance(law, PiAfc):
-            raise TypeError(f"controller {self.controller}: expected pi-afc")
-        return law
+        return cast("PiAfc", self.study.controller[self.controller])
 
     @property
     def gamma(self) -> tuple[float, float]:

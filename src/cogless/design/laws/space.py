@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar, cast
 
 import numpy as np
 
@@ -59,10 +59,7 @@ class SpaceLoop(LearningLoop):
 
     @property
     def law(self) -> SpacePosition | SpaceSpeed:
-        law = self.study.controller[self.controller]
-        if not isinstance(law, SpacePosition | SpaceSpeed):
-            raise TypeError(f"controller {self.controller}: expected space-position or space-speed")
-        return law
+        return cast("SpacePosition | SpaceSpeed", self.study.controller[self.controller])
 
     @property
     def gamma(self) -> tuple[float, float]:

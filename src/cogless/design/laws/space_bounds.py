@@ -86,7 +86,7 @@ class Condition:
         """The gain divided by the bound; the condition is met if this is above one."""
         return has / self.asks if self.asks > 0 else math.inf
 
-    def words(self, has: float) -> str:
+    def in_words(self, has: float) -> str:
         """How the gain `has` compares with the bound, as words that follow "is"."""
         if self.asks <= 0:
             return f"above {self.name} (0)"
@@ -114,7 +114,7 @@ class Theorem:
         """The theorem's verdict in words, with the gain as a multiple of each condition."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
         never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
-        asked = ", ".join(condition.words(self.has) for condition in met)
+        asked = ", ".join(condition.in_words(self.has) for condition in met)
         gain_compared = f"{self.section}: {self.gain} = {self.has:.3g}"
         gain_compared += (f" is {asked}" if met else "") + ("," if met and never else "")
         gain_compared += f" no {self.gain} is enough for {_either(never)}" if never else ""

@@ -32,15 +32,7 @@ from cogless.design.trials.random_errors import Disturbances
 from cogless.design.trials.sensing import Sensor, sensed
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
-from cogless.study.laws.trial import (
-    UNCERTAIN,
-    FilteredLaw,
-    NormOptimalIlc,
-    ObserverIlc,
-    QFilter,
-    StateIlc,
-    TrialIlc,
-)
+from cogless.study.laws.trial import UNCERTAIN
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
@@ -86,7 +78,6 @@ OF_CONTROLLER = (
     "feedforward",
     "pole",
 )
-OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
 # The key of a study's linear plant for each setting of a design.
 OF_PLANT = {"model": "model", "range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
 
@@ -415,29 +406,9 @@ def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
 
 def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
     """Settings of a controller's design: all inputs of the design besides the plant."""
-    controller, design = study.controller[name], study.design
-    assert isinstance(controller, TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc)
+    law, design = study.trial_law(name), study.design
     same = {field.name for field in fields(TrialSettings)}
-    own: dict[str, Any] = {key: value for key, value in controller if key in same}
-    if isinstance(controller, StateIlc):
-        own = {"kind": "state", "structure": "input", "integral": False, "feedforward": False}
-        own |= {"K_s": controller.K_stab, "K_3": controller.K_ilc}
-    elif isinstance(controller, ObserverIlc):
-        own |= {"kind": "observer", "structure": "input", "integral": False, "filtered": "signal"}
-    else:
-        own["structure"] = controller.acts_on
-    if isinstance(controller, NormOptimalIlc):
-        own["kind"] = "norm-optimal"
-        signal = controller.q_filter
-        if signal is not None:
-            own |= {"cutoff": signal.cutoff, "filter_order": signal.order, "filtered": "signal"}
-            own["ends"] = signal.ends
-    elif isinstance(controller, FilteredLaw):
-        q, own["shift"] = controller.choice
-        if isinstance(q, QFilter):
-            own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}
-        elif q is not None:
-            own["cutoff"] = q
+    own: dict[str, Any] = {key: value for key, value in law if key in same}
     return TrialSettings(
         samples=study.samples(scenario),
         Q=design.Q,
@@ -447,7 +418,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         g=design.initial_error,
         inverted=design.discretisation or "exact",
         limit=_limit(study) if study.design.sensor else None,
-        **own,
+        **own | law.design_settings,
     )
 
 
@@ -514,8 +485,7 @@ def _key(of: str, study: TrialStudy, scenario: str, controller: str) -> str:
     if of == "samples":
         return f"scenario.{scenario}.duration"
     if of in OF_CONTROLLER and controller:
-        own = OF_STATE_ILC if isinstance(study.controller[controller], StateIlc) else {"static_gain": "N"}
-        return f"controller.{controller}.{own.get(of, of)}"
+        return f"controller.{controller}.{study.trial_law(controller).DESIGN_KEYS.get(of, of)}"
     if study.plant is not None:
         without_parameters = OF_PLANT.get(of) == "parameter" and not study.plant.parameter
         if of.startswith("vertex") or without_parameters:

@@ -103,12 +103,12 @@ def minimise(
     settings.max_threads = 1
     settings.equilibrate_enable = False  # it would undo our scaling, and then the solver sometimes fails
     solution = clarabel.DefaultSolver(
-        csc_matrix((len(cost), len(cost))),
-        np.array(cost),
-        csc_matrix(-np.array(columns).T),
-        np.concatenate([_triangle(start) for start in at_zero]),
-        [clarabel.PSDTriangleConeT(len(start)) for start in at_zero],
-        settings,
+        P=csc_matrix((len(cost), len(cost))),
+        q=np.array(cost),
+        A=csc_matrix(-np.array(columns).T),
+        b=np.concatenate([_triangle(start) for start in at_zero]),
+        cones=[clarabel.PSDTriangleConeT(len(start)) for start in at_zero],
+        settings=settings,
     ).solve()
     status = STATUS.get(str(solution.status))
     if status is None:

@@ -25,7 +25,7 @@ from cogless.export.c.texts import (
 from cogless.export.prepared import first_scenario
 from cogless.files import versions
 from cogless.results.trace import Trace
-from cogless.run.plan import Plan, failures, plan, trace_of
+from cogless.run.run_plan import Plan, failures, plan, trace_of
 from cogless.study import TrialStudy
 
 TEST_SAMPLES = 2000  # of a self-test: it has as many whole trials as are within these, but two at least

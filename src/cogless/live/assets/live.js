@@ -444,6 +444,7 @@
   }
   function drawPicture() {
     const two = pair().filter((x) => x.run.revolution), box = $("picture");
+    rotors.show(two.map((x) => ({ label: x.label, colour: x.colour, motion: x.run.motion }))); // first: they take a part of the picture's width
     const curve = (x, run, more) => ({ label: x.label, colour: style(x.colour), dash: false, values: run.revolution.map(rpm), ...more });
     if (two.length) {
       const last = two.at(-1), before = found(last.c.name, last.off, ghost), xs = last.run.revolution.map((_, n) => (360 * n) / (last.run.revolution.length - 1));
@@ -456,7 +457,6 @@
     const log = Math.max(...ripples) > 10 * Math.min(...ripples);
     lines($("ripple"), "ripple:time", { title: "Speed ripple, rms of the last revolution, over the time", x: "time (s)", y: "ripple, rms (r/min)", log },
       ({ ripple }) => ({ at: ripple.at, values: ripple.values.map((x) => (log && !(x > 0) ? null : rpm(x))) }));
-    rotors.show(two.map((x) => ({ label: x.label, colour: x.colour, motion: x.run.motion })));
   }
 
   // Two rotors that turn as the runs' rotors did in their last revolution, slower if that is fast.
@@ -484,7 +484,7 @@
       list.forEach(({ label, colour, motion }, n) => {
         const [cx, cy] = down ? [width / 2, size * (n + 0.5) + n * 10] : [size * (n + 0.5), size / 2];
         const long = motion.time.at(-1) || 1, slow = Math.max(1, SLOWEST / long);
-        const angle = at(motion, (((now - begun) / 1000) / slow) % long);
+        const angle = at(motion, turns ? (((now - begun) / 1000) / slow) % long : 0);
         ctx.lineWidth = 2;
         ctx.strokeStyle = style("--line");
         ctx.fillStyle = style("--card");

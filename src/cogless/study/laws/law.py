@@ -224,6 +224,9 @@ class Base(Table):
     # keys of its learning gains, the larger the faster it learns
     LEARNING_GAINS: ClassVar[tuple[str, ...]] = ()
     TRIAL_GAIN: ClassVar[str] = ""  # the key of the single gain by which it learns from trials
+    TRIAL_FEEDBACK: ClassVar[str] = ""  # with such a gain, the key of its own feedback gains
+    TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ()  # without such a gain, the keys that its rule gives
+    BY_MATRIX: ClassVar[bool] = False  # whether it learns from trials by a matrix of all pairs of samples
     # what it must have to start from a map, which it lacks
     NEEDS: ClassVar[str] = "none, since the memory is over time"
     NO_C_FORM: ClassVar[str] = ""  # why it can't be exported as C; "": it can

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -39,6 +39,17 @@ class QFilter(SignalFilter):
     """What is filtered: the error before it is learned, or the whole learned signal."""
 
 
+class StudyOfTrials(Protocol):
+    """What the checks of a law of trials ask of its study."""
+
+    @property
+    def period(self) -> float: ...
+    @property
+    def states(self) -> int: ...
+    @property
+    def design(self) -> DesignSettings: ...
+
+
 class TrialLaw(Base):
     """The keys that every law of trials has."""
 
@@ -52,6 +63,16 @@ class TrialLaw(Base):
     the feedback alone."""
 
     of_trials: ClassVar[bool] = True
+    # settings of its design by keys of another name
+    DESIGN_KEYS: ClassVar[dict[str, str]] = {"static_gain": "N"}
+
+    @property
+    def design_settings(self) -> dict[str, Any]:
+        """Settings of its design that are no keys of the same name."""
+        return {}
+
+    def check_trials(self, study: StudyOfTrials, name: str) -> None:
+        """Refuse what does not suit the study, in which the law is the controller `name`."""
 
     @property
     def row(self) -> str:
@@ -65,7 +86,8 @@ class TrialLaw(Base):
 class FilteredLaw(TrialLaw):
     """A law of trials that learns with a single gain, and may have a Q filter."""
 
-    FEEDBACK: ClassVar[str] = "K_s"  # the key of its own feedback gains
+    TRIAL_FEEDBACK: ClassVar[str] = "K_s"
+    SHIFTS_ON_PAGE: ClassVar[bool] = False  # whether a live page has a slider for `shift`
 
     q_filter: QFilter | Literal["auto", "none"] | None = None
     """Filter applied between trials, `"auto"` for [the design's
@@ -80,11 +102,23 @@ class FilteredLaw(TrialLaw):
         """Filter and shift, "auto" where the design chooses; None: no filter, and the relative degree."""
         return None if self.q_filter == "none" else self.q_filter, self.shift
 
+    @property
+    def design_settings(self) -> dict[str, Any]:
+        q, shift = self.choice
+        if isinstance(q, QFilter):
+            return {"shift": shift, **_filter_settings(q), "filtered": q.acts_on}
+        return {"shift": shift} if q is None else {"shift": shift, "cutoff": q}
+
+    def check_trials(self, study: StudyOfTrials, name: str) -> None:
+        if isinstance(self.q_filter, QFilter):
+            _check_cutoff(study, self.q_filter.cutoff, name, "q_filter")
+
 
 class TrialIlc(FilteredLaw):
     """State feedback with integral action, feedforward and trial-to-trial learning (Mandra 2019, Fig. 1)."""
 
     TRIAL_GAIN: ClassVar[str] = "K_3"
+    SHIFTS_ON_PAGE: ClassVar[bool] = True
 
     law: Literal["trial-ilc"]
     """State feedback with integral action, feedforward, learning."""
@@ -118,12 +152,21 @@ class TrialIlc(FilteredLaw):
             shift = "auto"
         return q_filter, shift
 
+    @property
+    def design_settings(self) -> dict[str, Any]:
+        return {"structure": self.acts_on, **super().design_settings}
+
+    def check_trials(self, study: StudyOfTrials, name: str) -> None:
+        _check_state_gains(study, self, name)
+        super().check_trials(study, name)
+
 
 class StateIlc(FilteredLaw):
     """The older law (3) of Mandra 2019: it corrects the last trial's input, and has no feedforward."""
 
     TRIAL_GAIN: ClassVar[str] = "K_ilc"
-    FEEDBACK: ClassVar[str] = "K_stab"
+    TRIAL_FEEDBACK: ClassVar[str] = "K_stab"
+    DESIGN_KEYS: ClassVar[dict[str, str]] = {"K_s": "K_stab", "K_3": "K_ilc"}
 
     law: Literal["state-ilc"]
     """The older law (3) of Mandra 2019."""
@@ -132,10 +175,23 @@ class StateIlc(FilteredLaw):
     K_ilc: float | None = None
     """Given learning gain."""
 
+    @property
+    def design_settings(self) -> dict[str, Any]:
+        # the prediction of this law leaves out that what was learned moves along
+        parts = {"structure": "input", "integral": False, "feedforward": False, "basis_functions": False}
+        return {"kind": "state", **parts, "K_s": self.K_stab, "K_3": self.K_ilc, **super().design_settings}
+
+    def check_trials(self, study: StudyOfTrials, name: str) -> None:
+        n = study.states
+        if self.K_stab is not None and len(self.K_stab) != n:
+            raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")
+        super().check_trials(study, name)
+
 
 class NormOptimalIlc(TrialLaw):
     """Learning by a whole matrix from the error over a trial, optimal for the nominal plant."""
 
+    BY_MATRIX: ClassVar[bool] = True
     NOT_ON_PAGE: ClassVar[str] = (
         "its learning matrix, with one number for each pair of samples, is too large for a page"
     )
@@ -161,6 +217,16 @@ class NormOptimalIlc(TrialLaw):
     """Weight of the change of $v$ from trial to trial; the error has weight 1. A larger one learns more
     slowly and tolerates a worse model."""
 
+    @property
+    def design_settings(self) -> dict[str, Any]:
+        own = {} if self.q_filter is None else {**_filter_settings(self.q_filter), "filtered": "signal"}
+        return {"kind": "norm-optimal", "structure": self.acts_on, **own}
+
+    def check_trials(self, study: StudyOfTrials, name: str) -> None:
+        _check_state_gains(study, self, name)
+        if self.q_filter is not None:
+            _check_cutoff(study, self.q_filter.cutoff, name, "q_filter")
+
 
 class ObserverIlc(TrialLaw):
     """Feedback from an observed error, and learning of the input that was missing; all gains by a rule."""
@@ -179,6 +245,36 @@ class ObserverIlc(TrialLaw):
     """Given cut-off of the filter on $v$."""
     ends: Ends = "even"
     """As in `q_filter`."""
+
+    TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
+
+    @property
+    def design_settings(self) -> dict[str, Any]:
+        return {"kind": "observer", "structure": "input", "integral": False, "filtered": "signal"}
+
+    def check_trials(self, study: StudyOfTrials, name: str) -> None:
+        if self.cutoff is not None:
+            _check_cutoff(study, self.cutoff, name)
+
+
+def _filter_settings(q: SignalFilter) -> dict[str, Any]:
+    return {"cutoff": q.cutoff, "filter_order": q.order, "ends": q.ends}
+
+
+def _check_cutoff(study: StudyOfTrials, cutoff: float, *path: str) -> None:
+    if cutoff >= 0.5 / study.period:
+        expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
+        raise invalid(expected, "controller", *path, "cutoff")
+
+
+def _check_state_gains(study: StudyOfTrials, law: TrialIlc | NormOptimalIlc, name: str) -> None:
+    """Refuse gains, or a state weight in their place, that are not one a state, and one of an integrator."""
+    n = study.states
+    whole = f"expected {n + 1} numbers: one a state, and the integrator's"
+    if law.K_s is not None and len(law.K_s) not in ((n + 1,) if law.integral else (n, n + 1)):
+        raise invalid(whole, "controller", name, "K_s")
+    if law.K_s is None and law.integral and len(study.design.state_weight) == n:
+        raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
 
 
 AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | PythonLaw | LibraryLaw

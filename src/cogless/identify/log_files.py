@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from cogless.errors import StudyError
+from cogless.errors import StudyError, first_line
 from cogless.files import reason
 from cogless.results.trace import Array
 
@@ -56,7 +56,7 @@ def _line(error: Exception, path: Path) -> str:
     """The first line of an exception's text, without the file's name; with its type where that is all."""
     if isinstance(error, OSError):
         return printable(reason(error).replace(f"{path}: ", ""))
-    line = next((line.strip(" :.") for line in str(error).splitlines() if line.strip()), "")
+    line = first_line(error).strip(" :.")
     if isinstance(error, LookupError | MemoryError) or not line:
         line = f"{type(error).__name__} {line}".strip()
     return printable(line)

@@ -212,7 +212,7 @@ class Plan:
         return state
 
     @property
-    def rows(self) -> int:
+    def trace_rows(self) -> int:
         """Rows of the trace."""
         return -(-self.ticks // self.decimation) * self.rows_per_period
 
