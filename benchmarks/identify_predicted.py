@@ -72,7 +72,7 @@ def predicted(estimate: Estimate, motor: plant.Motor, folder: Path) -> dict[str,
             "start": {"map": "cogging.bin"},
             "cells": 1024,
         }
-    (folder / "predicted.toml").write_text(plan.text(tables), "utf-8")
+    (folder / "predicted.toml").write_text(plan.to_toml(tables), "utf-8")
     study = load(folder / "predicted.toml")
     runs = run_study(study).runs
     return {run.controller: ripple(run.trace["omega_measured"], run.trace.period) for run in runs}
@@ -91,7 +91,7 @@ def compared(seed: int, motor: plant.Motor, raw: plant.Raw, rate: float) -> tupl
         if name != KEPT
     }
     with tempfile.TemporaryDirectory() as folder:
-        paths = plant.write(Path(folder), logs, plan.text(plant.columns(motor)))
+        paths = plant.write(Path(folder), logs, plan.to_toml(plant.columns(motor)))
         estimate = identified(paths, Path(folder) / "id.toml", lambda what, share: None).estimate
         ripples = predicted(estimate, motor, Path(folder))
     table = tuple((w.order, -w.size.value, w.phase.value) for w in estimate.cogging)
