@@ -46,6 +46,19 @@ PER_PHASE = re.compile(r"\s*(?:/|\bper)\s*phase\s*")
 OF_A_WINDING = ("resistance", "inductance")
 SEVERAL = re.compile(r",\s+|;\s*")  # between speeds
 EXACT_DIGITS = 6
+RMS = math.sqrt(2)  # peak / rms of a sine
+# What datasheets write behind a number, with the unit that it stands for and the factor to that unit.
+WRITTEN: Mapping[str, Sequence[tuple[str, str, float]]] = {
+    "kv": [(r"kv", "rpm/V", 1)],
+    "back-emf": [(r"V\s*/\s*1000\s*(rpm|r/min|min\^?-1)", "V/krpm", 1)],
+    "torque-constant": [(r"N\s*[*.]?\s*m\s*/\s*A\s*\(?rms\)?", "N*m/A", 1 / RMS)],
+    "rated-current": [(r"A\s*\(?rms\)?", "A", RMS), (r"A\s*(/|per)\s*phase", "A", 1)],
+    "current-limit": [(r"A\s*\(?rms\)?", "A", RMS)],
+    "bits": [(r"-?\s*bits?", "", 1)],
+    "cpr": [(r"(cpr|counts)", "", 1), (r"(ppr|lines?|pulses)", "", 4)],
+    "pole-pairs": [(r"pole\s*pairs?", "", 1), (r"(poles?|magnets)", "", 0.5)],
+    **dict.fromkeys(OF_A_WINDING, [(r"(m|u)?(ohm|Ω|H)\s*(l-l|line[- ]to[- ]line)", "", 1)]),
+}
 
 NUMBERS: dict[str, Number] = {
     "pole-pairs": Number(units.NONE, "", (1, 1000)),
