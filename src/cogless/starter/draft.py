@@ -288,6 +288,11 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     _check_fit(request, part, drive)
     sheet = Sheet()
     motor = put_motor(sheet, request, part) if part.layouts else put_step_motor(sheet, request, part)
+    sheet.remarks += [
+        f"--{flag} {answer.written}: taken as {answer.text}."
+        for flag, answer in request.numbers.items()
+        if answer.written
+    ]
     sheet.doubts += doubts(request, motor)
     sheet.unusual += unusual(request, motor)
     _mechanics(sheet, request, motor)
@@ -336,6 +341,11 @@ def _check_fit(request: Request, part: Part, drive: Part) -> None:
         fits = request.encoder == encoder or (flag == "bits" and request.encoder not in OF_ENCODERS.values())
         unless = "unless the encoder is absolute" if flag == "bits" else "unless the encoder is incremental"
         _refuse(request, () if fits and request.encoder != "hall" else (flag,), unless)
+    current = request.numbers.get("rated-current")
+    if phases == 2 and current is not None and current.written:
+        raise RequestError(
+            "rated-current", current.written, 'expected the current of each coil at rest, such as "2.8 A"'
+        )
     _check_constants(request)
     tables = datasheet_tables(request.motor)
     if tables:

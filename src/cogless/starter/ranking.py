@@ -26,6 +26,7 @@ from cogless.study import Study, changed
 LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
 RUN_TICKS_MOST = 250_000  # a run has no more
 LAST_SHARE = 1 / 3  # of a run, in which the ripple is taken
+ALIKE_RATIO = 1.05  # of the ripple of a run to that of a shorter one, which then tells as much
 AT_ONCE = 8  # variants in a batch, between which progress is told
 
 Report = Callable[[float], None]
@@ -81,7 +82,8 @@ class Effect:
 class Ranking:
     """Answers of a study with all its guesses as they are, and the effects of the guesses, largest first.
 
-    `duration`: of the runs of the effects, s, where they are shorter than the study's; 0 where they are not.
+    `duration`: of the runs of the effects, s, where they are shorter than the study's and leave clearly more
+    or less; 0 where they are not.
     """
 
     learned: Outcome
@@ -112,8 +114,14 @@ def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share
         learned=learned,
         baseline=base,
         effects=tuple(effects),
-        duration=short.scenario[scenario].duration if is_short else 0.0,
+        duration=0.0 if _is_alike(learned, nominal) else short.scenario[scenario].duration,
     )
+
+
+def _is_alike(one: Outcome, other: Outcome) -> bool:
+    if not (one.holds and other.holds):
+        return one.holds == other.holds
+    return abs(math.log(one.ripple / other.ripple)) <= math.log(ALIKE_RATIO)
 
 
 def shortened(study: Study) -> Study:
@@ -167,10 +175,10 @@ def outcomes(variants: Sequence[Study], scenario: str, controller: str) -> list[
     except RunError as error:
         results = error.all_results
     runs = (next(iter(result.runs), None) for result in results)
-    return [_outcome(variant, run) for variant, run in zip(variants, runs, strict=True)]
+    return [outcome(variant, run) for variant, run in zip(variants, runs, strict=True)]
 
 
-def _outcome(study: Study, run: Run | None) -> Outcome:
+def outcome(study: Study, run: Run | None) -> Outcome:
     """What came of a run, over the last part of it in which the study's metrics are taken."""
     if run is None:
         return Outcome(ripple=math.nan, why="the run failed")
