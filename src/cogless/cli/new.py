@@ -20,7 +20,7 @@ from cogless.lines import warn
 
 if TYPE_CHECKING:
     from cogless.design.answers import Answer
-    from cogless.starter import Draft, Effect, Ranking, Request
+    from cogless.starter import Draft, Effect, Outcome, Ranking, Request
     from cogless.starter.part_catalogue import Kind
     from cogless.study import Study
 
@@ -270,7 +270,7 @@ def _motor_by(numbers: Mapping[str, Any]) -> str | None:
     """The class that the numbers alone tell."""
     if "holding-torque" in numbers:
         return "nema17" if numbers["holding-torque"].value <= NEMA17_MOST else "nema23"
-    return "own" if "pole-pairs" in numbers else None
+    return "own" if {"pole-pairs", *CONSTANTS} & numbers.keys() else None
 
 
 CONSTANTS = {"kv", "torque-constant", "back-emf"}
@@ -446,14 +446,19 @@ def _answer(study: Study, ranking: Ranking, design: Answer | None) -> str:
             text += f" The PI holds it, with {_rpm(ranking.baseline.ripple)} of ripple (rms)."
         reason = f"Learning is {design.words}." if design is not None and worthless else _why_not(study)
         return f"{text} {reason}".strip()
-    jerks = " in jerks" if ranking.baseline.uneven else ""
-    before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms){jerks}"
-    if not (ranking.baseline.holds or jerks):
+    before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms){_jerks(ranking.baseline)}"
+    if not (ranking.baseline.holds or ranking.baseline.uneven):
         before = f"the PI does not hold the speed ({ranking.baseline.why})"
-    text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
+    text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}{_jerks(ranking.learned)}."
+    if ranking.learned.uneven:
+        text = f"{text} {_why_not(study)}".strip()
     if design is not None and worthless:
         return f"{text} {'At a faster speed it' if _pays_off(design) else 'Learning'} is {design.words}."
     return f"{text} Another run may leave more: {design.doubt}." if design and design.doubt else text
+
+
+def _jerks(answer: Outcome) -> str:
+    return " in jerks" if answer.uneven else ""
 
 
 def _pays_off(design: Answer) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from cogless.catalogue import sensor_words
-from cogless.design.changes import SENSOR_BITS
+from cogless.design.changes import SENSOR, SENSOR_BITS
 from cogless.report.comparison import shown_in
 from cogless.report.markup import number
 from cogless.report.verdicts import called, listed, times
@@ -17,7 +17,6 @@ from cogless.study.messages import dotted, look_up
 from cogless.study.reading import Changes, Remark, split
 from cogless.study.toml import toml
 
-SENSOR = "drive.position_sensor"
 # How a run would be without a cause, where "without" and the cause's name read badly.
 WITHOUT = {
     "learning-time": "in a longer run",
