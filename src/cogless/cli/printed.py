@@ -176,11 +176,11 @@ def _warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> Iterator[tupl
     """The design's warnings about the controllers of these runs (scenario, name), each line once."""
     from cogless.design.kinds import DESIGNS
 
-    of_each, said = {name: scenario for scenario, name in runs}, set[str]()
+    of_each, lines = {name: scenario for scenario, name in runs}, set[str]()
     for name, at in of_each.items():
         for remark in DESIGNS[study.kind].warnings(study, at, name):
-            if str(remark) not in said:
-                said.add(str(remark))
+            if str(remark) not in lines:
+                lines.add(str(remark))
                 yield name, remark
 
 

@@ -35,8 +35,8 @@ def program() -> str:
         return COMMAND
     if on_path and called.samefile(on_path):
         return COMMAND
-    here = Path.cwd()
-    return shlex.quote(str(called.relative_to(here)) if called.is_relative_to(here) else sys.argv[0])
+    folder = Path.cwd()
+    return shlex.quote(str(called.relative_to(folder)) if called.is_relative_to(folder) else sys.argv[0])
 
 
 def new_console(**options: Any) -> Console:

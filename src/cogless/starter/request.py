@@ -168,8 +168,8 @@ def _read(name: str, text: str) -> Answer:
 
 def _plain(name: str, text: str) -> tuple[str, float]:
     """A number with the unit that a datasheet's words stand for, and the factor between the two numbers."""
-    given = units.NUMBER_AND_UNIT.fullmatch(text)
-    number, words = given.groups() if given is not None else ("", "")
+    quantity = units.NUMBER_AND_UNIT.fullmatch(text)
+    number, words = quantity.groups() if quantity is not None else ("", "")
     for written, unit, factor in WRITTEN.get(name, ()) if words else ():
         match = re.fullmatch(written, words, re.IGNORECASE)
         if match is not None:
