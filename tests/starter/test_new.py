@@ -114,10 +114,10 @@ def test_it_names_a_number_that_is_unusual_where_the_speed_is_not_held(
         "--encoder",
         "as5048",
     )
-    _, out, _ = cogless(capsys, "new", "light", *motor, "--inertia", "35 g*cm^2")
+    _, out, _ = cogless(capsys, "new", "light", *motor, "--inertia", "12 g*cm^2")
     text = " ".join(out.split())
     assert "harmonic does not hold 30 r/min" in text
-    says = "Check first what is unusual for such a motor: --inertia 35 g*cm^2 (usual: 162 to 540 g*cm^2)."
+    says = "Check first what is unusual for such a motor: --inertia 12 g*cm^2 (usual: 162 to 540 g*cm^2)."
     assert says in text and "--resistance" not in text
     _, out, _ = cogless(capsys, "new", "usual", *motor, "--inertia", "200 g*cm^2")
     assert "does not hold" not in out and "unusual" not in out

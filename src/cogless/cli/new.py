@@ -417,7 +417,7 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
 
     design = answer_of(study, "harmonic")
     lines = ["", *_wrapped(_answer(study, ranking, design))]
-    if unusual and not ranking.learned.holds:
+    if unusual and (ranking.learned.uneven or not ranking.learned.holds):
         lines += _wrapped(f"Check first what is unusual for such a motor: {', '.join(unusual)}.")
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
     if design is not None and design.verdict == "not worth it" and not _pays_off(design):
