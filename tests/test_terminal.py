@@ -97,7 +97,7 @@ def test_run_of_trials(printed: Printed, tmp_path: Path, options: list[str]) -> 
 
 def test_run_says_what_limits_and_what_would_help(printed: Printed, tmp_path: Path) -> None:
     out = printed("run", studies.write(tmp_path), "-o", "out", "--only", "low/*")
-    assert re.search(r"\n\nWhat limits fair: (.|\n)* Tried:", out)
+    assert re.search(r"\n\nWhat limits fair: (.|\n)*\sTried\sas\s", out)
 
 
 @pytest.mark.parametrize("name", ["uomodri", "liu2018", "verrelli2016", "hub-motor", "mandra2019"])

@@ -154,7 +154,7 @@ def test_too_few_edges_for_the_loop_are_told(rpm: int, method: str, told: bool) 
         )
         assert "of the 60 deg of phase margin; where the rotor stops and goes the measured" in lines[0]
         assert (
-            "drive.position_sensor.lines = 22903 would do" in lines[0]
+            "drive.position_sensor.lines = 22903 (another sensor) would do" in lines[0]
         )  # 4.7 times the counts, and a fifth more
         assert not known(study, "pi-ilc").fine
 

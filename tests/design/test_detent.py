@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,14 @@ import pytest
 from drafts import request, written
 from one_axis import speeds
 
+from cogless.cli.printed import print_results
 from cogless.design.detent import STOPPING_RIPPLE, overrun, swing, turns_from
 from cogless.design.law_rules import feedback_of
 from cogless.design.laws.harmonic import certificate
 from cogless.design.verdict import verdict
 from cogless.design.warnings import slow_warning, warnings
-from cogless.run.simulate import simulate
+from cogless.report import seen_to_stop
+from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed, load
 
 CREEP = 1e-2  # rad/s, below which the friction of the own motor is not yet that of sliding
@@ -141,12 +144,16 @@ def test_the_speed_from_which_it_turns_is_where_the_ripple_is_as_large_as_the_sp
     assert stopped(below, "turn") and not stopped(above, "turn")
 
 
+OBSERVERS = {"generic": "290 Hz", "simplefoc": "74 Hz"}  # three times the crossover
+
+
 def draft_of_a_light_motor(folder: Path, drive: str, rpm: float, **more: Any) -> Study:
     """A NEMA 17 without load. Its back-EMF acts like several times the rotor's inertia."""
     _, study = written(folder, request("nema17", drive, "as5047", speed=60))
     metrics = [f"metric.{k}.last" for k, one in enumerate(study.metric) if "last" in one.model_fields_set]
     turning = {"scenario.slow.reference": f"{rpm} rpm", "scenario.slow.initial_speed": f"{rpm} rpm"}
-    return changed(study, {**turning, **dict.fromkeys(metrics, "5 s"), **more})
+    slow = {"drive.position_sensor.observer_bandwidth": OBSERVERS[drive]}
+    return changed(study, {**turning, **slow, **dict.fromkeys(metrics, "5 s"), **more})
 
 
 def test_a_late_back_emf_stops_a_rotor_that_the_ripple_without_it_would_let_turn(tmp_path: Path) -> None:
@@ -210,6 +217,51 @@ def test_no_speed_is_promised_where_only_the_back_emf_of_a_turning_rotor_damps(t
     assert str(remark).endswith("the rotor may stop and snap")
     assert stopped(slow, "slow")
     assert stopped(draft_of_a_light_motor(tmp_path, "simplefoc", 42), "slow")
+
+
+@pytest.mark.parametrize(("rpm", "stops"), [(30, True), (60, False)])
+def test_after_a_run_it_is_said_whether_the_rotor_stopped(tmp_path: Path, rpm: float, stops: bool) -> None:
+    """The warning is that of 30 r/min. In place of what may happen stands what the run shows."""
+    remark = slow_warning(draft_of_a_light_motor(tmp_path, "simplefoc", 30), "pi")
+    assert remark is not None and remark.stops_in == "slow"
+    study = draft_of_a_light_motor(tmp_path, "simplefoc", rpm)
+    results = run_study(study, ["slow/pi"])
+    (run,) = results.runs
+    premise = str(remark).removesuffix("the rotor may stop and snap")
+    words = seen_to_stop(results, run, remark)
+    assert words.startswith(premise) and stopped(study, "slow") == stops
+    if stops:
+        assert words == f"{premise}in slow the rotor stopped"
+    else:
+        slowest = np.min(np.asarray(run.trace["omega_m"])[-len(run.trace) // 4 :]) * 30 / math.pi
+        said = re.fullmatch(
+            r"in slow the rotor did not stop, its slowest speed was ([0-9.]+) rpm", words[len(premise) :]
+        )
+        assert said is not None and float(said[1]) == pytest.approx(slowest, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("rpm", "remark"),
+    [
+        (30, "did not hold the speed; error 80 % of the speed, held up to 71 %"),
+        (34, "baseline; error 67 % of the speed, held up to 71 %"),
+        (42, "baseline"),
+    ],
+)
+def test_on_either_side_of_the_limit_of_a_held_speed_the_table_says_how_near_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rpm: float, remark: str
+) -> None:
+    study = draft_of_a_light_motor(tmp_path, "generic", rpm)
+    results = run_study(study, ["slow/pi", "slow/harmonic"])
+    (trace,) = (run.trace for run in results.runs if run.controller == "pi")
+    late = trace.time >= trace.time[-1] - 5
+    off = (trace["omega_m"] - trace["omega_ref"])[late]
+    percent = 100 * math.sqrt(np.mean(off**2)) / np.mean(trace["omega_ref"][late])
+    said = re.search(r"error ([0-9]+) %", remark)
+    assert float(said[1]) == pytest.approx(percent, abs=1) if said is not None else percent < 50
+    print_results(results)
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("PI ")]
+    assert len(rows) == 1 and rows[0].endswith(f"  {remark}")
 
 
 @pytest.mark.parametrize("rpm", [0.5, 30.0])

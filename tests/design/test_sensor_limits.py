@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,13 @@ from cogless.design.summary import design
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
 from cogless.study.position_sensor import Absolute
+
+
+@pytest.fixture(autouse=True)
+def by_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The drafts have the observers of the rules, not better ones by runs."""
+    monkeypatch.setattr(sys.modules["cogless.starter.draft"], "better_settings", lambda *_: {})
+
 
 AS_MUCH = 0.95  # ripple with learning / without, from which on it is as much
 NEVER = {"controller.harmonic.learning_start": "1e6 s"}

@@ -82,7 +82,7 @@ def test_edges_that_come_too_rarely_for_the_loop(
         scenarios_of=lambda name: [*scenario], scenario=scenario, controller={"x": law}
     )
     found = warnings.slow_warning(study, "x")
-    ways = "; drive.position_sensor.lines = 7 would do" if helps else ""
+    ways = "; drive.position_sensor.lines = 7 (another sensor) would do" if helps else ""
     assert (None if found is None else str(found)) == (None if said is None else f"{said}{ways}")
     assert said is None or sorted(tried) == pytest.approx([needed, needed])
     for name in ("sampled", "feedback_of"):

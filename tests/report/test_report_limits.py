@@ -11,7 +11,7 @@ from cogless.cli.studies import sentences
 from cogless.report import best_runs, limit, render, verdicts, with_limits
 from cogless.report.limit_sentences import setting
 from cogless.results import results_json
-from cogless.results.limits import Cause, Cure, Limits
+from cogless.results.limits import Cause, Cure, Learner, Limits
 from cogless.run.simulate import run_study
 from cogless.study import load
 from cogless.study.reading import changed, changes_from
@@ -111,13 +111,44 @@ def test_the_best_setting_is_told_and_a_part_only_if_it_leaves_clearly_less(resu
     observed = f'{key}.speed_method = "observer" and {key}.observer_bandwidth = "50 Hz"'
     table = f"{observed} and without {key}.window"
     assert told(results, cause, [(bits, 1.0, False), (observer, 4.0, True)]).endswith(
-        f"Tried: with {table} it leaves 4.00 rpm; with drive.position_sensor.bits = 14 "
-        "(AS5047P, AS5048A, MT6701) it leaves 1.00 rpm."
+        f"Tried as a setting: with {table} it leaves 4.00 rpm. "
+        "Tried as other hardware: with drive.position_sensor.bits = 14 (AS5047P, AS5048A, MT6701) "
+        "it leaves 1.00 rpm."
     )
     many = told(results, cause, [({"drive.position_sensor.bits": 20}, 1.0, False)])
     assert "bits = 20 (more than any chip that `cogless new` knows) it leaves 1.00 rpm." in many
     assert "bits" not in told(results, cause, [(bits, 3.9, False), (observer, 4.0, True)])
     assert "Tried" not in told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        (10.0, 0.5, "it leaves 4.00 rpm. pi then leaves 0.500 rpm instead of 10.0 rpm."),
+        (None, 0.5, "it leaves 4.00 rpm. pi then leaves 0.500 rpm instead of not holding the speed."),
+        (10.0, None, "it leaves 4.00 rpm. pi then does not hold the speed."),
+        (None, None, "it leaves 4.00 rpm."),
+    ],
+)
+def test_the_effect_on_the_law_that_learns_is_told_beside_that_on_the_best(results, before, after, words):
+    made = limits([("sensor-steps", 1.0)], [({"drive.position_sensor": WINDOW}, 4.0, True)])
+    in_si = [None if x is None else x * RPM for x in (before, after)]
+    beside = replace(made, learner=Learner("pi", in_si[0]), cures=[replace(made.cures[0], learner=in_si[1])])
+    told_limits = replace(results, limits={"turn": beside})
+    assert str(limit(told_limits, "turn")).endswith(words)
+    found = results_json.to_dict(told_limits)["limits"][0]
+    assert found["learner"] == {"controller": "pi", "value": in_si[0]}
+    assert found["tried"][0].get("learner") == in_si[1]
+    own = {'controller."high".kp': "0.04 A/rpm"}  # says nothing of another law
+    of_law = replace(beside, cures=[replace(beside.cures[0], changes=own, learner=None)])
+    assert "pi then" not in str(limit(replace(results, limits={"turn": of_law}), "turn"))
+
+
+def test_edges_are_timed_only_by_a_drive_that_can(results):
+    timed = told(
+        results, [("sensor-steps", 1.0)], [({"drive.position_sensor.speed_method": "MT"}, 1.0, True)]
+    )
+    assert 'speed_method = "MT" (if the drive can time edges) it leaves 1.00 rpm.' in timed
 
 
 def test_what_a_change_costs_is_told(results):
@@ -158,6 +189,7 @@ def test_results_json_has_every_share_and_every_try(results):
                     "against": "sensor-steps",
                     "set": {"drive.position_sensor.bits": 14},
                     "value": 2 * RPM,
+                    "setting": False,
                     "costs": {},
                 }
             ],

@@ -322,3 +322,29 @@ def test_a_stepper_of_fifty_pole_pairs_is_limited_by_its_detent(study):
     found = results.limits["turning"]
     assert found.named[0].name == "disturbance" and found.named[0].share > 0.95
     applied(stepper, results)
+
+
+def test_where_the_pi_is_best_a_change_is_tried_with_the_law_that_learns_too(study):
+    """Harmonic learns the sensor's own error at a speed that the PI does not follow; a table mends both."""
+    eccentric = changed(
+        study,
+        {
+            **SMOOTH,
+            "drive.position_sensor": {**WORD, "eccentricity": "0.3 deg"},
+            "scenario.turning.reference": "600 rpm",
+            "scenario.turning.initial_speed": "600 rpm",
+        },
+    )
+    results = with_limits(run_study(eccentric, jobs=2), jobs=2)
+    found, told = results.limits["turning"], limit(results, "turning")
+    assert (found.controller, found.learner.controller) == ("pi", "harmonic")
+    (alone,) = (run for run in results.runs if run.controller == "harmonic")
+    assert found.learner.value == alone.metrics[found.metric] > found.value
+    for cure, cured in zip(found.advised, told.cured(eccentric), strict=True):
+        assert cure.learner == simulate(cured, "turning", "harmonic").metrics[found.metric]
+    assert found.advised and "harmonic then leaves " in str(told)
+
+
+def test_where_the_law_that_learns_is_best_it_alone_is_told(study):
+    results = with_limits(run_study(changed(study, PUT_IN["sensor-steps"][1]), jobs=2), jobs=2)
+    assert results.limits["turning"].controller == "harmonic" and results.limits["turning"].learner is None

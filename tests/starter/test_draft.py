@@ -3,6 +3,7 @@
 import math
 import random
 import re
+import sys
 import tomllib
 from collections import Counter
 from contextlib import suppress
@@ -19,12 +20,14 @@ from cogless.design.settling import settling
 from cogless.design.summary import summary
 from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
+from cogless.report import with_limits
 from cogless.run.simulate import run_study
 from cogless.starter import Draft, Request, draft, parse_number, parse_speeds
 from cogless.starter.motor_rules import Known, cogging_orders, layouts_for, sized
 from cogless.starter.part_catalogue import parts
 from cogless.starter.ranking import outcome, shortened
 from cogless.starter.request import NUMBERS, RequestError, names
+from cogless.starter.sensor_choice import fit_observer
 from cogless.study import Study, changed
 from cogless.study.laws.harmonic import Harmonic
 
@@ -39,8 +42,9 @@ def drives_for(motor: str) -> list[str]:
 
 @pytest.mark.parametrize("motor", names("motors"))
 def test_a_study_of_each_motor_encoder_and_drive_runs_and_marks_its_guesses(
-    tmp_path: Path, motor: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, motor: str
 ) -> None:
+    monkeypatch.setattr(sys.modules["cogless.starter.draft"], "better_settings", lambda *_: {})
     drives = cycle(drives_for(motor))
     for encoder in parts("encoders"):
         made, study = written(tmp_path, request(motor, next(drives), encoder))
@@ -120,6 +124,62 @@ def test_of_two_bases_the_one_with_less_ripple_is_written(tmp_path: Path, motor:
     )
     assert ripple < more
     assert warnings(study, scenario, "harmonic") == []
+
+
+@pytest.mark.parametrize("motor", ["gimbal", "drone"])
+def test_the_run_that_chose_the_base_is_the_run_of_the_file(tmp_path: Path, motor: str) -> None:
+    """The comment's time and its ripple are those of `cogless run`."""
+    made, study = written(tmp_path, request(motor, "odrive", "as5047"))
+    comment = re.search(
+        r"in the run of ([0-9.]+) s below, with these numbers: (.*?) base = ",
+        " ".join(made.text.replace("#", "").split()),
+    )
+    assert comment is not None and float(comment[1]) == study.scenario["slow"].duration
+    ripples = dict(re.findall(r"base ([0-9]+) ([0-9.]+) rpm", comment[2]))
+    (run,) = run_study(study, ["slow/harmonic"]).runs
+    base = str(study.controller["harmonic"].base)
+    assert float(ripples[base]) == pytest.approx(
+        float(run.metrics["speed_ripple_rad_s"]) * 30 / math.pi, rel=0.01
+    )
+
+
+SETTINGS = {
+    "servo": ("servo", "generic", "absolute", {"pole_pairs": 4, "torque_constant": 1.28, "resistance": 2.9,
+              "inductance": 9.4, "inertia": "1.4 kg cm^2", "rated_current": 3.2, "bus_voltage": 560,
+              "bits": 20, "speed": 30}),
+    "gimbal": ("own", "moteus", "as5047", {"pole_pairs": 7, "kv": 58, "resistance": 5.6}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_run_advises_no_setting_that_new_could_have_written(tmp_path: Path, name: str) -> None:
+    """An observer of another bandwidth; on a board of one's own, compensation of dead time, too."""
+    motor, drive, encoder, numbers = SETTINGS[name]
+    _, study = written(tmp_path, request(motor, drive, encoder, **numbers))
+    found = with_limits(run_study(study, ["slow/harmonic"])).limits["slow"]
+    assert found.setting is None or not any(
+        key.startswith(("drive.position_sensor.observer", "drive.dead_time")) for key in found.setting.changes
+    )
+
+
+def test_what_new_chooses_by_runs_leaves_less_than_its_rules(tmp_path: Path) -> None:
+    motor, drive, encoder, numbers = SETTINGS["servo"]
+    made, study = written(tmp_path, request(motor, drive, encoder, **numbers))
+    assert any(remark.startswith("Switched on: drive.dead_time_compensation") for remark in made.remarks)
+    by_rule = {f"drive.position_sensor.{key}": value for key, value in fit_observer(study).items()}
+
+    def ripple(**changes: object) -> float:
+        (run,) = run_study(changed(study, changes), ["slow/harmonic"]).runs
+        return float(run.metrics["speed_ripple_rad_s"])
+
+    assert ripple() < 0.8 * ripple(**{"drive.dead_time_compensation": None})
+    assert ripple() <= ripple(**by_rule)
+
+
+def test_an_own_firmware_alone_is_given_a_compensation(tmp_path: Path) -> None:
+    motor, _, encoder, numbers = SETTINGS["servo"]
+    made, _ = written(tmp_path, request(motor, "odrive", encoder, **{**numbers, "bus_voltage": 48}))
+    assert "dead_time_compensation" not in made.text
 
 
 def test_an_order_that_neither_base_learns_is_named(tmp_path: Path) -> None:
@@ -481,6 +541,68 @@ def test_a_number_far_from_the_class_is_doubted(
     of = request("hub", "vesc", "as5048", **stated)
     doubts = draft(of, "Mine", tmp_path / "mine.toml").doubts
     assert (len(doubts), doubt in "".join(doubts)) == (bool(doubt), True)
+
+
+def test_a_resistance_is_doubted_by_the_torque_that_it_means(tmp_path: Path) -> None:
+    """Small motors of 9.55 mN*m/A and 0.6 ohm are sold with 25 to 50 mN*m: it is no slip of a unit."""
+    numbers = {"pole_pairs": 1, "kv": 907, "resistance": 0.611, "bits": 12, "speed": 3000}
+    (doubt,) = draft(request("own", "generic", "absolute", **numbers), "Mine", tmp_path / "mine.toml").doubts
+    words = re.fullmatch(
+        r'--resistance: "0.611 ohm": so wound, the motor has a torque of about ([0-9.]+) mN\*m; '
+        r"if yours has another, give --rated-torque, or perhaps you mean 0.611 mohm",
+        doubt,
+    )
+    assert words is not None and 20 < float(words[1]) < 60
+    rated = request("own", "generic", "absolute", **numbers, rated_torque="40 mN*m")
+    assert draft(rated, "Mine", tmp_path / "mine.toml").doubts == ()
+
+
+def test_no_resistance_of_a_motor_of_unknown_size_is_unusual(tmp_path: Path) -> None:
+    """A hub motor of 0.2 ohm, by its numbers alone."""
+    of = request("own", "vesc", "hall", pole_pairs=15, kv=16, resistance=0.2, speed=20)
+    assert draft(of, "Mine", tmp_path / "mine.toml").unusual == ()
+
+
+@pytest.mark.parametrize(
+    ("flag", "text", "value"),
+    [
+        ("kv", "270 KV", 270 * math.tau / 60),
+        ("back-emf", "58 V/1000rpm", 0.058 * 60 / math.tau),
+        ("torque-constant", "1.28 Nm/Arms", 1.28 / math.sqrt(2)),
+        ("rated-current", "2.8 A rms", 2.8 * math.sqrt(2)),
+        ("rated-current", "2.8A/phase", 2.8),
+        ("current-limit", "10 Arms", 10 * math.sqrt(2)),
+        ("inductance", "0.35 mH line to line", 0.35e-3),
+        ("resistance", "55mΩ l-l", 0.055),
+        ("bits", "14 bit", 14),
+        ("bits", "14-bit", 14),
+        ("cpr", "2048 PPR", 8192),
+        ("cpr", "1000 lines", 4000),
+        ("cpr", "8192 cpr", 8192),
+        ("pole-pairs", "14 poles", 7),
+        ("pole-pairs", "7 pole pairs", 7),
+    ],
+)
+def test_a_number_may_stand_as_its_datasheet_has_it(flag: str, text: str, value: float) -> None:
+    answer = parse_number(flag, text)
+    assert answer.value == pytest.approx(value, rel=1e-5)
+    as_written = parse_number(flag, answer.text)  # what stands in the study
+    assert as_written.value == pytest.approx(value, rel=1e-5) and not as_written.written
+
+
+def test_what_was_taken_for_another_number_is_said(tmp_path: Path) -> None:
+    made, _ = written(
+        tmp_path, request("servo", "generic", "absolute", rated_current="2 Arms", bits=20, speed=60)
+    )
+    assert "--rated-current 2 Arms: taken as 2.82843 A." in made.remarks
+    with pytest.raises(RequestError, match=re.escape('--pole-pairs: "15 poles": expected a whole number')):
+        parse_number("pole-pairs", "15 poles")
+    with pytest.raises(RequestError, match="expected the current of each coil at rest, such as"):
+        draft(
+            request("nema23", "stepper", "incremental", rated_current="2.8 Arms"),
+            "Mine",
+            tmp_path / "mine.toml",
+        )
 
 
 def test_a_load_of_a_hundred_kilograms_on_a_small_step_motor_is_doubted(tmp_path: Path) -> None:

@@ -1,16 +1,22 @@
 """`cogless new` as a user meets it: what it prints, what it asks, and one line for a mistake."""
 
 import io
+import math
 import re
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from commands import cogless
+from drafts import request
 
+from cogless.cli.new import _answer, _ranking_lines
 from cogless.cli.terminal import program
+from cogless.design.answers import Answer, answer_of
+from cogless.starter import Effect, Outcome, Ranking, draft, parse_speeds
 from cogless.study import load
 
 SHORT = ("--motor", "gm5208", "--drive", "generic", "--encoder", "as5048")
@@ -108,13 +114,59 @@ def test_it_names_a_number_that_is_unusual_where_the_speed_is_not_held(
         "--encoder",
         "as5048",
     )
-    _, out, _ = cogless(capsys, "new", "light", *motor, "--inertia", "35 g*cm^2")
+    _, out, _ = cogless(capsys, "new", "light", *motor, "--inertia", "12 g*cm^2")
     text = " ".join(out.split())
     assert "harmonic does not hold 30 r/min" in text
-    says = "Check first what is unusual for such a motor: --inertia 35 g*cm^2 (usual: 162 to 540 g*cm^2)."
+    says = "Check first what is unusual for such a motor: --inertia 12 g*cm^2 (usual: 162 to 540 g*cm^2)."
     assert says in text and "--resistance" not in text
     _, out, _ = cogless(capsys, "new", "usual", *motor, "--inertia", "200 g*cm^2")
     assert "does not hold" not in out and "unusual" not in out
+
+
+def outcome(ripple: float, why: str = "", uneven: bool = False) -> Outcome:
+    """A run's answer; ripple in r/min."""
+    return Outcome(ripple=ripple * math.pi / 30, why=why, uneven=uneven)
+
+
+def answer(learned: Outcome, baseline: Outcome, design: Answer | None = None) -> str:
+    study = load(Path(__file__).parents[2] / "examples" / "my_motor.toml")
+    return _answer(study, Ranking(learned=learned, baseline=baseline, effects=()), design)
+
+
+def test_on_either_side_of_the_limit_of_a_held_speed_the_same_is_said() -> None:
+    just, not_quite = outcome(5, uneven=True), outcome(5, "the rotor turns in jerks", uneven=True)
+    texts = {answer(outcome(0.2), baseline) for baseline in (just, not_quite)}
+    assert texts == {"At 30 r/min the PI leaves 5 r/min of ripple (rms) in jerks, harmonic 0.2 r/min."}
+    both = answer(outcome(2, uneven=True), just)
+    assert "the PI leaves 5 r/min of ripple (rms) in jerks, harmonic 2 r/min in jerks." in both
+    lost = answer(outcome(0.2), outcome(5, "the mean speed is 30 % of the reference"))
+    assert "the PI does not hold the speed (the mean speed is 30 % of the reference), harmonic" in lost
+
+
+def test_where_the_pi_alone_holds_the_speed_it_is_said_with_why_learning_is_not_worth_it() -> None:
+    vain = Answer("not worth it", "not worth it: the law learns order 1, but the torque has only order 2")
+    text = answer(outcome(9, "the rotor turns in jerks", uneven=True), outcome(0.6), vain)
+    assert text == (
+        "With these numbers harmonic does not hold 30 r/min: the rotor turns in jerks. The PI holds it, with "
+        "0.6 r/min of ripple (rms). Learning is not worth it: the law learns order 1, but the torque has "
+        "only order 2."
+    )
+
+
+def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(tmp_path: Path) -> None:
+    """At 30 r/min harmonic leaves less than its feedback, at 3,000 r/min the sensor's error is all."""
+    servo = request("servo", "generic", "absolute", bits=20, speed=30)
+    path = tmp_path / "mine.toml"
+    made = draft(replace(servo, faster=parse_speeds(["3000"])), "Mine", path)
+    path.write_text(made.text, encoding="utf-8")
+    study = load(path)
+    design = answer_of(study, "harmonic")
+    assert design is not None and design.verdict == "not worth it"
+    effect = Effect(guess=made.guesses[0], nominal=outcome(0.3), outcomes={"more": outcome(0.6)})
+    ranking = Ranking(learned=outcome(0.3), baseline=outcome(2), effects=(effect,))
+    lines = " ".join(_ranking_lines(study, ranking, path, ()))
+    assert "harmonic 0.3 r/min. At a faster speed it is not worth it: at 3000 rpm it leaves " in lines
+    assert "One guess matters most. Measure or look up first:" in lines
 
 
 MOTORS = "gimbal, drone, direct-drive, hub, servo, spindle, own, nema17, nema23"
@@ -167,6 +219,7 @@ def test_a_mistake_is_one_line(capsys: pytest.CaptureFixture[str], arguments: st
         ("", "motor drive encoder"),
         ("--motor gimbal --drive odrive", "encoder"),
         ("--motor gimbal --cpr 4000", "drive"),
+        ("--kv 270 --resistance 0.04 --drive vesc --encoder hall", "pole-pairs"),
         ("--motor own --drive odrive --encoder hall", "pole-pairs kv resistance"),
         ("--pole-pairs 7 --current-rate 10000", "encoder kv resistance"),
         ("--pole-pairs 7 --drive odrive --encoder hall --rated-torque 1 --rated-current 2", "resistance"),
@@ -289,5 +342,8 @@ def test_the_next_command_is_called_as_this_one_was(
     script.write_text("#!/bin/sh\n", encoding="utf-8")
     script.chmod(0o755)
     monkeypatch.setenv("PATH", str(script.parent) if on_path else "")
+    for called in ("./bin/cogless", str(script)):
+        monkeypatch.setattr(sys, "argv", [called, "new", "mine"])
+        assert program().removeprefix("./") == expected.removeprefix("./")
     monkeypatch.setattr(sys, "argv", ["./bin/cogless", "new", "mine"])
     assert program() == expected

@@ -20,7 +20,7 @@ from cogless.lines import warn
 
 if TYPE_CHECKING:
     from cogless.design.answers import Answer
-    from cogless.starter import Draft, Effect, Ranking, Request
+    from cogless.starter import Draft, Effect, Outcome, Ranking, Request
     from cogless.starter.part_catalogue import Kind
     from cogless.study import Study
 
@@ -270,7 +270,7 @@ def _motor_by(numbers: Mapping[str, Any]) -> str | None:
     """The class that the numbers alone tell."""
     if "holding-torque" in numbers:
         return "nema17" if numbers["holding-torque"].value <= NEMA17_MOST else "nema23"
-    return "own" if "pole-pairs" in numbers else None
+    return "own" if {"pole-pairs", *CONSTANTS} & numbers.keys() else None
 
 
 CONSTANTS = {"kv", "torque-constant", "back-emf"}
@@ -417,14 +417,15 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
 
     design = answer_of(study, "harmonic")
     lines = ["", *_wrapped(_answer(study, ranking, design))]
-    if unusual and not ranking.learned.holds:
+    if unusual and (ranking.learned.uneven or not ranking.learned.holds):
         lines += _wrapped(f"Check first what is unusual for such a motor: {', '.join(unusual)}.")
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
-    if design is not None and design.verdict == "not worth it":  # the guesses are of what harmonic leaves
-        effects = []
+    if design is not None and design.verdict == "not worth it" and not _pays_off(design):
+        effects = []  # the guesses are of what harmonic leaves
     if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
-        lines += ["", f"{count} most. Measure or look up first:"]
+        of_runs = f", by runs of {ranking.duration:.2g} s" if ranking.duration else ""
+        lines += ["", f"{count} most{of_runs}. Measure or look up first:"]
     for place, effect in enumerate(effects, 1):
         head = f"{place}. {effect.guess.name}, {effect.guess.span} ({effect.guess.key}):"
         lines += _wrapped(f"{head} {_effect_text(effect)}", "  ", "     ")
@@ -438,16 +439,31 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
 
 def _answer(study: Study, ranking: Ranking, design: Answer | None) -> str:
     speed = _rpm(next(iter(study.scenario.values())).top_reference)
+    worthless = design is not None and design.verdict == "not worth it"
     if not ranking.learned.holds:
         text = f"With these numbers harmonic does not hold {speed}: {ranking.learned.why}."
-        return f"{text} {_why_not(study)}".strip()
-    before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms)"
-    if not ranking.baseline.holds:
+        if ranking.baseline.holds:
+            text += f" The PI holds it, with {_rpm(ranking.baseline.ripple)} of ripple (rms)."
+        reason = f"Learning is {design.words}." if design is not None and worthless else _why_not(study)
+        return f"{text} {reason}".strip()
+    before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms){_jerks(ranking.baseline)}"
+    if not (ranking.baseline.holds or ranking.baseline.uneven):
         before = f"the PI does not hold the speed ({ranking.baseline.why})"
-    text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
-    if design is not None and design.verdict == "not worth it":
-        return f"{text} Learning is {design.words}."
+    text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}{_jerks(ranking.learned)}."
+    if ranking.learned.uneven:
+        text = f"{text} {_why_not(study)}".strip()
+    if design is not None and worthless:
+        return f"{text} {'At a faster speed it' if _pays_off(design) else 'Learning'} is {design.words}."
     return f"{text} Another run may leave more: {design.doubt}." if design and design.doubt else text
+
+
+def _jerks(answer: Outcome) -> str:
+    return " in jerks" if answer.uneven else ""
+
+
+def _pays_off(design: Answer) -> bool:
+    """Whether learning is worth it at the slowest speed."""
+    return bool(design.remaining) and min(design.remaining, key=lambda speed: speed.omega_m).worth_it
 
 
 def _why_not(study: Study) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -93,6 +93,7 @@ def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str], off: Le
         remark = "baseline" if name == study.baseline else "" if ratio is None else change_words(ratio)
         remark = "did not hold the speed" if name in line.missed else remark
         remark = "learned nothing" if name in line.unlearned else remark
+        remark = "; ".join(filter(None, [remark, line.uneven_words(name)]))
         style = "bold" if name in line.best else ""
         if off is not None and off.controller == name:
             plain = replace(line, values={**line.values, name: off.value})
@@ -167,13 +168,20 @@ def a_metric(study: AnyStudy) -> Remark:
 
 def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
     """Print the design's warnings about the controllers of these runs (scenario, name), each line once."""
+    for _, remark in _warnings(study, runs):
+        warn(str(remark))
+
+
+def _warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Remark]]:
+    """The design's warnings about the controllers of these runs (scenario, name), each line once."""
     from cogless.design.kinds import DESIGNS
 
-    warnings = DESIGNS[study.kind].warnings
-    of_each = {name: scenario for scenario, name in runs}
-    remarks = (remark for name, at in of_each.items() for remark in warnings(study, at, name))
-    for line in dict.fromkeys(map(str, remarks)):
-        warn(line)
+    of_each, lines = {name: scenario for scenario, name in runs}, set[str]()
+    for name, at in of_each.items():
+        for remark in DESIGNS[study.kind].warnings(study, at, name):
+            if str(remark) not in lines:
+                lines.add(str(remark))
+                yield name, remark
 
 
 def print_uncertified(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
@@ -182,6 +190,19 @@ def print_uncertified(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
 
     if not DESIGNS[study.kind].certified:
         print_warnings(study, runs)
+
+
+def print_warnings_beside(results: AnyResults) -> None:
+    """As `print_uncertified`, but with whether the rotor stopped in place of that it may stop."""
+    from cogless import report
+    from cogless.design.kinds import DESIGNS
+
+    if DESIGNS[results.study.kind].certified:
+        return
+    runs = {(run.scenario, run.controller): run for run in results.runs}
+    for name, remark in _warnings(results.study, runs):
+        run = runs.get((remark.stops_in, name))
+        warn(str(remark) if run is None else report.seen_to_stop(results, run, remark))
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:

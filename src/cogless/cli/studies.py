@@ -27,7 +27,7 @@ from cogless.cli.options import (
     results_name,
     to_run,
 )
-from cogless.cli.printed import print_blocks, print_results, print_uncertified
+from cogless.cli.printed import print_blocks, print_results, print_warnings_beside
 from cogless.cli.terminal import has_desktop, new_bar, new_console, open_page, print_fitted, run_progress
 from cogless.errors import EXIT_INTERRUPTED, StudyError
 from cogless.interrupts import deferred
@@ -144,7 +144,7 @@ def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, ev
     from cogless.drives.accelerometer import accelerometer_logs
 
     print_results(results, every_metric)
-    print_uncertified(results.study, [(run.scenario, run.controller) for run in results.runs])
+    print_warnings_beside(results)
     if written:
         print(f"Report: {folder / 'report.html'}")
         if any(accelerometer_logs(results.study, run.scenario, run.controller) for run in results.runs):

@@ -33,7 +33,10 @@ def program() -> str:
     called, on_path = Path(sys.argv[0]), shutil.which(COMMAND)
     if called.name != COMMAND or called.parent == Path() or not called.exists():
         return COMMAND
-    return COMMAND if on_path and called.samefile(on_path) else shlex.quote(sys.argv[0])
+    if on_path and called.samefile(on_path):
+        return COMMAND
+    folder = Path.cwd()
+    return shlex.quote(str(called.relative_to(folder)) if called.is_relative_to(folder) else sys.argv[0])
 
 
 def new_console(**options: Any) -> Console:

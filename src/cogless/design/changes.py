@@ -15,7 +15,8 @@ from cogless.study import changed
 from cogless.study.reading import AStudy, Changes
 from cogless.study.toml import toml
 
-SENSOR_BITS = "drive.position_sensor.bits"
+SENSOR = "drive.position_sensor"
+SENSOR_BITS = f"{SENSOR}.bits"
 GAINS = ("k_theta", "kp", "ki")
 SPEED_RESERVE = 1.2  # speed that is advised, or with which a change must work / the speed that just would do
 ADVISED_FORMAT = ".3g"  # digits of a value that is advised
@@ -64,8 +65,15 @@ def _value_words(key: str, value: Any) -> str:
         return f"{' and '.join(gains)} in place of tuning"
     if value is None:
         return f"no {key}"
-    of_sensor = f" ({sensor_words(value)})" if key == SENSOR_BITS else ""
-    return f"{key} = {toml(value)}{of_sensor}"
+    return f"{key} = {toml(value)}{_part_words(key, value)}"
+
+
+def _part_words(key: str, value: Any) -> str:
+    """That a value needs another position sensor, and which ones have it; "" for a setting."""
+    if key == SENSOR_BITS:
+        return f" (another sensor: {sensor_words(value)})"
+    is_other = key == SENSOR and "speed_method" not in value  # a setting keeps the sensor's other keys
+    return " (another sensor)" if is_other or key in (f"{SENSOR}.lines", f"{SENSOR}.positions") else ""
 
 
 def unit_text(value: float, unit: str) -> str:

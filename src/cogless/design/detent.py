@@ -34,6 +34,7 @@ from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 
+ROTOR = "the rotor"  # of what `snaps` says last, after a colon
 STOPPING_RIPPLE = 1.0  # ripple / speed, at which the rotor stops
 STALLING_RATIO = (
     0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
@@ -100,7 +101,7 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
     return (
         f"at {speed_text(study, omega_m)} the feedback leaves {sizes} times the speed as ripple, most of it "
         f"by order {swinging.order}, whose detents swing the rotor at {swinging.rate / math.tau:.3g} Hz"
-        f"{around}: the rotor {stops}"
+        f"{around}: {ROTOR} {stops}"
     )
 
 

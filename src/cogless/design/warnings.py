@@ -86,10 +86,11 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     begins = turns_from(study, scenario, feedback, omega)
     turning = swing(study, scenario, feedback, begins) if begins is not None else None
     if begins is None or turning is None or not turning.is_certain:
-        return Remark(sentence)
+        return Remark(sentence, stops_in=scenario)
     turns = f"{sentence}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
     cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
-    return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
+    cures = (cure,) if study.scenario[scenario].reference.kind == "constant" else ()
+    return Remark(turns, cures, stops_in=scenario)
 
 
 def turning_speed(study: Study, name: str, scenario: str) -> float | None:

@@ -10,6 +10,7 @@ from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limit_sentences import remark
 from cogless.report.page import Outcome, Sections
 from cogless.report.speed import SPEED_SECTIONS
+from cogless.report.speed_tracking import seen_to_stop
 from cogless.report.trials import TRIALS
 from cogless.report.verdicts import LearningHelps, ScenarioVerdict
 from cogless.results import AnyResults
@@ -31,6 +32,7 @@ __all__ = [
     "outcome",
     "plot_names",
     "render",
+    "seen_to_stop",
     "verdict",
     "verdicts",
     "with_learning_off",

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from cogless.errors import StudyError
-from cogless.report.speed_verdict import Judged, judged, value_in
+from cogless.report.speed_verdict import Judged, judged, learner, value_in
 from cogless.results import Results
 from cogless.results.limits import Limits
 from cogless.results.metrics import result_name
 from cogless.results.runs import LearningOff
-from cogless.run.limit_search import limits
+from cogless.run.limit_search import beside_learner, limits
 from cogless.run.simulate import learning_off
 from cogless.study import AnyStudy
 
@@ -40,6 +40,10 @@ def with_limits(
                 progress(scenario)
             limited = limits(results.study, run, metric, order, jobs, traces)
             if limited is not None:
+                rival = learner(results, best)
+                if rival is not None:
+                    holds = rival.controller not in best.line.missed
+                    limited = beside_learner(results.study, limited, rival, metric, holds, jobs, traces)
                 by_scenario[scenario] = limited
     except KeyboardInterrupt:
         pass

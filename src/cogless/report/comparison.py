@@ -23,6 +23,7 @@ from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
 from cogless.report.speed_tracking import STATE_TIME_LEAST, miss_words, rows_of, span_of, spans, speed_miss
 from cogless.results import AnyResults, Results, Run
+from cogless.results.held_speed import JERKS_RATIO, unevenness
 from cogless.results.metrics import result_name
 from cogless.results.trace import BLOCK_ROWS
 from cogless.study import Study
@@ -103,6 +104,8 @@ class Line:
 
     `missed`: the controllers that did not hold the speed in the metric's time window, and what the speed was.
     `jerking`: those of them that held its mean.
+    `uneven`: the controllers that held its mean with an error of more than half the speed, held or not, and
+    the ratio of the error's rms to the speed.
     `unlearned`: the controllers whose law learned nothing in the scenario, and why.
     `guarded`: the controllers whose learning the guard held back in that window, and when.
     `span`: the metric's time window, s; None if no run has a trace.
@@ -120,6 +123,7 @@ class Line:
     values: Mapping[str, float | None]
     missed: Mapping[str, str] = field(default_factory=dict)
     jerking: frozenset[str] = frozenset()
+    uneven: Mapping[str, float] = field(default_factory=dict)
     unlearned: Mapping[str, str] = field(default_factory=dict)
     guarded: Mapping[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
@@ -151,6 +155,14 @@ class Line:
         """When and by how much the speed was missed, such as "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
         place = ", ".join(part for part in (self._plain_name, self.window) if part)
         return f"{place}: {self.missed[controller]}"
+
+    def uneven_words(self, controller: str) -> str:
+        """How uneven a controller's speed is beside what still counts as held; "" if it is even."""
+        if controller not in self.uneven:
+            return ""
+        return (
+            f"error {100 * self.uneven[controller]:.0f} % of the speed, held up to {100 * JERKS_RATIO:.0f} %"
+        )
 
     @property
     def _plain_name(self) -> str:
@@ -236,6 +248,7 @@ def compare(results: Results, scenario: str) -> list[Line]:
                     jerking=frozenset(
                         run.controller for run, speed in misses_of_runs if speed.kind == "error"
                     ),
+                    uneven={} if torque else _uneven(taken, rows),
                     unlearned=idle,
                     guarded={controller: when for controller, when in guarded_times.items() if when},
                     span=span_of(results, metric, taken[0]),
@@ -247,6 +260,17 @@ def compare(results: Results, scenario: str) -> list[Line]:
                 for line in own
             ]
     return lines
+
+
+def _uneven(runs: Sequence[Run], rows: Mapping[str, slice]) -> dict[str, float]:
+    """The runs that are uneven in their rows, and how much, by controller."""
+    uneven = {}
+    for run in runs:
+        reference, speed = (run.trace.part(name, rows[run.controller]) for name in ("omega_ref", "omega_m"))
+        ratio = unevenness(reference, speed)
+        if ratio is not None:
+            uneven[run.controller] = ratio
+    return uneven
 
 
 def in_torque_mode(study: Study, run: Run, rows: slice) -> bool:

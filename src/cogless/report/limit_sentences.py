@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from cogless.catalogue import sensor_words
-from cogless.design.changes import SENSOR_BITS
+from cogless.design.changes import SENSOR, SENSOR_BITS
 from cogless.report.comparison import shown_in
 from cogless.report.markup import number
 from cogless.report.verdicts import called, listed, times
@@ -40,14 +40,23 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"instead of {with_unit(limits.value)} it would leave"
     text = f"What limits {called(study, limits.controller)}: {own} {listed(parts)}."
-    cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
-    tried = [
-        f"with {setting(study, cure.changes)}{_sensor(cure)} it leaves {with_unit(cure.value)}{_costs(cure)}"
-        for cure in cures
-    ]
-    if tried:
-        text += f" Tried: {'; '.join(tried)}."
-    return Remark(text, tuple(cure.changes for cure in cures))
+    for cure in limits.advised:
+        text += f" Tried as {'a setting' if cure.setting else 'other hardware'}:"
+        text += f" with {setting(study, cure.changes)}{_sensor(cure)} it leaves {with_unit(cure.value)}"
+        text += f"{_costs(cure)}.{_of_learner(study, limits, cure, with_unit)}"
+    return Remark(text, tuple(cure.changes for cure in limits.advised))
+
+
+def _of_learner(study: StudyBase, limits: Limits, cure: Cure, with_unit: Callable[[float], str]) -> str:
+    """What the law that learns leaves with a cure and without it; "" if that law was not tried."""
+    learner = limits.learner
+    if learner is None or cure.of_law or (learner.value is None and cure.learner is None):
+        return ""
+    name = called(study, learner.controller)
+    if cure.learner is None:
+        return f" {name} then does not hold the speed."
+    before = "not holding the speed" if learner.value is None else with_unit(learner.value)
+    return f" {name} then leaves {with_unit(cure.learner)} instead of {before}."
 
 
 def setting(study: StudyBase, changes: Changes) -> str:
@@ -68,8 +77,10 @@ def _cause_words(cause: Cause) -> str:
 
 
 def _sensor(cure: Cure) -> str:
-    """The sensors that have the bits of a finer one; "" if it advises none."""
-    bits = cure.changes.get(SENSOR_BITS)
+    """What a change of the position sensor needs: sensors with so many bits, or a timer; "" if nothing."""
+    bits, sensor = cure.changes.get(SENSOR_BITS), cure.changes.get(SENSOR, {})
+    if "MT" in (cure.changes.get(f"{SENSOR}.speed_method"), sensor.get("speed_method")):
+        return " (if the drive can time edges)"
     return "" if bits is None else f" ({sensor_words(bits)})"
 
 

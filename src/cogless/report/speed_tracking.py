@@ -11,14 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
+from cogless.design.detent import ROTOR
 from cogless.report.charts import Lane, LaneRun
 from cogless.report.markup import number, place
 from cogless.report.verdicts import listed
-from cogless.results import Results, Run
+from cogless.results import AnyResults, Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.held_speed import Miss, miss
 from cogless.results.metrics import window_of
+from cogless.study.base import spoken_unit
 from cogless.study.metric import Metric
+from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, factor
 
 SPANS_MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
@@ -87,6 +90,7 @@ MONITOR_EFFECTS = {
     Status.ANGLE_LOST: "doesn't believe the measured speed",
 }
 MONITORED_SHARE = 0.1  # share of the rows: less is a fault that a speed outlives
+STOPPED_SHARE = 0.05  # of the mean reference: a rotor that is slower at some moment stopped
 LIMIT_NOTE = ", at the limit of current or voltage"
 
 
@@ -142,6 +146,22 @@ def miss_words(speed: Miss, run: Run, rows: slice, unit: str) -> str:
     status = active(run, Status.SATURATED, rows)
     limited = np.mean(status[len(status) // 2 :]) > MAJORITY_SHARE
     return _off_words(speed, unit) + (_monitored(run, rows) or (LIMIT_NOTE if limited else ""))
+
+
+def seen_to_stop(results: AnyResults, run: Run, remark: Remark) -> str:
+    """A warning that the rotor stops, with whether it stopped in the last part of a run of that scenario."""
+    assert isinstance(results, Results)
+    rows = late(results, run)
+    premise, claims, claim = remark.text.partition(f": {ROTOR} ")
+    if not claims or not len(run.trace.time[rows]):
+        return remark.text
+    reference, speed = (run.trace.part(name, rows) for name in ("omega_ref", "omega_m"))
+    slowest, unit = float(np.min(speed * np.sign(reference))), spoken_unit(results.study, ANGULAR_SPEED)
+    if not slowest > STOPPED_SHARE * float(np.mean(np.abs(reference))):
+        _, turns, speed_from = claim.partition("; ")
+        return f"{premise}: in {run.scenario} {ROTOR} stopped{turns}{speed_from}"
+    least = f"{number(slowest / factor(unit, ANGULAR_SPEED))} {unit}"
+    return f"{premise}: in {run.scenario} {ROTOR} did not stop, its slowest speed was {least}"
 
 
 def _monitored(run: Run, rows: slice) -> str:

@@ -217,6 +217,20 @@ def judged(results: Results, scenario: str) -> Judged | None:
     return Judged(next(run for run in runs if run.controller == best), metric, case.line)
 
 
+def learner(results: Results, best: Judged) -> Run | None:
+    """The best run of a law that learns, where another law has the scenario's best run; None if none has."""
+    study, values = results.study, best.line.values
+    learning = [run for run in runs_in(results, best.run.scenario) if study.controller[run.controller].learns]
+    if not learning or study.controller[best.run.controller].learns:
+        return None
+
+    def rank(run: Run) -> tuple[bool, float]:
+        value = values.get(run.controller)
+        return run.controller in best.line.missed, math.inf if value is None else value
+
+    return min(learning, key=rank)
+
+
 def value_in(results: Results, run: Run, metric: Metric, line: Line) -> float | None:
     """Another run's value, SI, by the line that judges a scenario; None if it did not hold the speed."""
     own = next(other for other in compare(results, run.scenario) if other.name == metric.name)

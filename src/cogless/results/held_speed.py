@@ -13,6 +13,7 @@ from cogless.results.trace import Array
 MEAN_ERROR_MOST = 0.05  # share of the reference's mean magnitude: beyond this the mean speed is off
 # error rms / mean magnitude of a reference of one sign; a sine of this rms stops the rotor
 JERKS_RATIO = math.sqrt(0.5)
+UNEVEN_RATIO = 0.5  # the same: from here on the speed is said to be uneven; a sine slows to 29 % of it
 LOST_SPEED_RATIO = 0.5  # error rms / reference rms, at most, if the reference's mean is zero
 REST_ERROR_MOST = 0.1  # rad/s, largest error rms if the reference is zero all the time
 ROUNDED_SHARE = 1e-3  # of a reference's mean magnitude: a smaller mean that is off is told as zero
@@ -40,6 +41,24 @@ def miss(reference: Array, speed: Array) -> Miss | None:
     half = slice(len(speed) // 2, None)
     with np.errstate(all="ignore"):
         return _off(reference, speed) if _off(reference[half], speed[half]) else None
+
+
+def unevenness(reference: Array, speed: Array) -> float | None:
+    """How uneven a speed is that has its mean: the error's rms over the mean of a reference of one sign.
+
+    None: it is below UNEVEN_RATIO, or a mean is off. The speed is held up to JERKS_RATIO.
+    """
+    half = slice(len(speed) // 2, None)
+    ratio = min(_unevenness(reference, speed), _unevenness(reference[half], speed[half]))
+    return ratio if ratio >= UNEVEN_RATIO else None
+
+
+def _unevenness(reference: Array, speed: Array) -> float:
+    off = _off(reference, speed)
+    size = float(np.mean(np.abs(reference))) if len(reference) else 0.0
+    if (off is not None and off.kind != "error") or abs(np.sum(reference)) <= ONE_WAY * size * len(reference):
+        return 0.0
+    return float(np.sqrt(np.mean(np.square(reference - speed)))) / size
 
 
 def _off(reference: Array, speed: Array) -> Miss | None:

@@ -47,13 +47,31 @@ class Cause:
 class Cure:
     """A change of the study, values by dotted key, that was tried against a cause. `value`: the metric with
     it, SI. `setting`: it needs no other part, only another number. `costs`: other metrics that get clearly
-    worse with it, each with the ratio to its value before."""
+    worse with it, each with the ratio to its value before. `learner`: the metric of `Limits.learner` with it,
+    SI; None: that law was not tried, or does not hold the speed."""
 
     cause: str
     changes: Mapping[str, Any]
     value: float
     setting: bool
     costs: Mapping[str, float] = field(default_factory=dict)
+    learner: float | None = None
+
+    @property
+    def of_law(self) -> bool:
+        """Whether it changes a controller, so that it says nothing of another one."""
+        return any(key.startswith("controller.") for key in self.changes)
+
+
+@dataclass(frozen=True)
+class Learner:
+    """The best law that learns, where a controller that does not learn is best.
+
+    `value`: its metric, SI; None: it did not hold the speed.
+    """
+
+    controller: str
+    value: float | None
 
 
 @dataclass(frozen=True)
@@ -62,7 +80,7 @@ class Limits:
 
     `causes` are those that the study has, the largest share first; their shares need not add up to one.
     `untried`: causes without which the run can't be made, so nobody knows their share. `cures` were tried,
-    the best first.
+    the best first. `learner`: beside which the advised cures were tried, too.
     """
 
     scenario: str
@@ -73,6 +91,7 @@ class Limits:
     causes: Sequence[Cause]
     untried: Sequence[str] = ()
     cures: Sequence[Cure] = ()
+    learner: Learner | None = None
 
     @property
     def named(self) -> list[Cause]:
@@ -96,6 +115,11 @@ class Limits:
         """The best other part, if it leaves clearly less than the best setting; None if none does."""
         part, setting = self._best(False), self.setting
         return part if part and (not setting or part.value <= HELPING_SHARE * setting.value) else None
+
+    @property
+    def advised(self) -> list[Cure]:
+        """The setting and the part that help."""
+        return [cure for cure in (self.setting, self.part) if cure is not None]
 
     def _best(self, setting: bool) -> Cure | None:
         able = (c for c in self.cures if c.setting is setting and c.value <= HELPING_SHARE * self.value)

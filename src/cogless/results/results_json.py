@@ -95,12 +95,15 @@ def _limits(results: AnyResults) -> dict[str, Any]:
                 for cause in limited.causes
             ],
             "untried": list(limited.untried),
+            **({} if limited.learner is None else {"learner": asdict(limited.learner)}),
             "tried": [
                 {
                     "against": cure.cause,
                     "set": as_json(dict(cure.changes)),
                     "value": cure.value,
+                    "setting": cure.setting,
                     "costs": dict(cure.costs),
+                    **({} if cure.learner is None else {"learner": cure.learner}),
                 }
                 for cure in limited.cures
             ],

@@ -39,19 +39,19 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
     own_study = for_scenario(study, run.scenario)
     rules: dict[str, Callable[[], Iterable[Candidate]]] = {
         "sensor-steps": lambda: [
-            *_observers(own_study),
+            *observers(own_study),
             *_timed(own_study),
             *_hall_edges(own_study),
             *_finer(own_study),
         ],
         "sensor-error": lambda: [*_encoder_tables(study, run, metric), *_hall_edges(own_study)],
         "delay": lambda: [
-            *_observers(own_study, FAST_OCTAVES),
+            *observers(own_study, FAST_OCTAVES),
             *_rates(own_study),
             *_quicker(own_study),
             *_hall_edges(own_study),
         ],
-        "dead-time": lambda: _compensations(own_study),
+        "dead-time": lambda: compensations(own_study),
         "current-noise": lambda: _calmer(own_study),
         "current-error": lambda: [*_calibrated(own_study), *_laws(own_study, run.controller)],
         "learning-time": lambda: [Candidate(longer(study, run.scenario, run.controller, metric))],
@@ -65,7 +65,7 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
     return [c for c in (rules[cause]() if cause in rules else ()) if c.changes]
 
 
-def _observers(study: Study, octaves: Sequence[int] = OCTAVES) -> Iterator[Candidate]:
+def observers(study: Study, octaves: Sequence[int] = OCTAVES) -> Iterator[Candidate]:
     """Candidates with an observer for the speed, of several bandwidths."""
     sensor, rates = study.drive.position_sensor, study.drive.rates
     if not isinstance(sensor, Counted):
@@ -166,7 +166,8 @@ def _quicker(study: Study) -> Iterator[Candidate]:
         yield Candidate({"drive.speed_filter": f"{_round(4 * drive.speed_filter):g} Hz"})
 
 
-def _compensations(study: Study) -> Iterator[Candidate]:
+def compensations(study: Study) -> Iterator[Candidate]:
+    """Candidates that compensate dead time, each in another band of the currents."""
     drive, key = study.drive, "drive.dead_time_compensation"
     for share in BANDS:
         band = f"{1000 * _round(share * drive.current_loop.current_limit):g} mA"

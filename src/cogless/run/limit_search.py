@@ -25,7 +25,7 @@ from typing import Any
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.limits import AND, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Limits
+from cogless.results.limits import AND, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Learner, Limits
 from cogless.results.metrics import Value, result_name
 from cogless.run.cures import candidates
 from cogless.run.simulate import RunError, rollout
@@ -95,6 +95,32 @@ def limits(
         untried=untried,
     )
     return replace(limited, cures=_cures(tries, study, run, metric, limited))
+
+
+def beside_learner(
+    study: Study,
+    limited: Limits,
+    learner: Run,
+    metric: Metric,
+    holds: bool,
+    jobs: int | None = None,
+    traces: Path | None = None,
+) -> Limits:
+    """The same limits, with what the advised changes leave with a law that learns.
+
+    `holds`: whether that law's run held the speed. A change of the best controller's own keys is not tried.
+    """
+    tries = _Tries(study, learner, metric, limited.order, jobs, traces)
+    of_drive = [cure for cure in limited.advised if not cure.of_law]
+    if not of_drive:
+        return limited
+    metrics = tries.metrics([cure.changes for cure in of_drive])
+    values = {id(cure): tries.value_of(after) for cure, after in zip(of_drive, metrics, strict=True)}
+    return replace(
+        limited,
+        cures=[replace(cure, learner=values.get(id(cure))) for cure in limited.cures],
+        learner=Learner(learner.controller, tries.value_of(learner.metrics) if holds else None),
+    )
 
 
 def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limits) -> list[Cure]:

@@ -19,6 +19,7 @@ OF_THE_SIZE = ("rated-torque", "holding-torque", "rated-current")
 LOAD_INERTIA_MOST = 10.0  # of a load / that of its rotor, by a usual rule for the choice of servo motors
 SLOTS_NEAR = 6  # slots, up and down, among which those of a balanced winding are looked for
 STAR_PHASES = 3
+OWN = "own"  # the class of a motor that is described by its numbers alone
 
 
 def doubts(request: Request, motor: MotorFacts) -> list[str]:
@@ -38,7 +39,13 @@ def unusual(request: Request, motor: MotorFacts) -> list[str]:
         for flag, (low, high) in _usual(request, motor).items()
         if (answer := request.numbers.get(flag)) is not None
         and not low / UNUSUAL_FACTOR <= _value(request, motor, flag) <= high * UNUSUAL_FACTOR
+        and not (flag == "resistance" and motor.part.name == OWN and not _is_sized(request))
     ]
+
+
+def _is_sized(request: Request) -> bool:
+    """Whether the size is known; if not, the resistance tells it, and a motor of any class has some size."""
+    return any(flag in request.numbers for flag in OF_THE_SIZE)
 
 
 def _usual(request: Request, motor: MotorFacts) -> dict[str, tuple[float, float]]:
@@ -49,8 +56,7 @@ def _usual(request: Request, motor: MotorFacts) -> dict[str, tuple[float, float]
     part, size = motor.part, motor.size
     phases_in_series = 2 if motor.phases == STAR_PHASES else 1
     # A size that is taken from the resistance would make each resistance usual.
-    is_sized = any(flag in request.numbers for flag in OF_THE_SIZE)
-    resistance_factor = size.resistance_factor if is_sized else size.winding_ratio
+    resistance_factor = size.resistance_factor if _is_sized(request) else size.winding_ratio
     figures = {
         "rated-torque": part["rated_torque"],
         "holding-torque": part["rated_torque"],
@@ -74,12 +80,22 @@ def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: flo
     ratio = value / high if value > high else low / value
     times_beyond = "times the largest" if value > high else "times below the smallest"
     extreme = amount(high if value > high else low, dimension)
-    whose = "of the load of such a motor" if flag == "load-inertia" else "of such a motor"
     meant = _meant(answer.text, dimension, low, high)
+    if flag == "resistance" and not _is_sized(request):
+        return _size_doubt(answer.text, motor, meant)
+    whose = "of the load of such a motor" if flag == "load-inertia" else "of such a motor"
     return (
         f'--{flag}: "{answer.text}": {digits(ratio, 2)} {times_beyond} usual value {whose}, {extreme}'
         f"{f'; perhaps you mean {meant}' if meant else ''}"
     )
+
+
+def _size_doubt(text: str, motor: MotorFacts, meant: str) -> str:
+    """A sentence on a resistance that makes a motor of unknown size one of an unusual size."""
+    own_flag = "rated-torque" if motor.phases == STAR_PHASES else "holding-torque"
+    has = f"so wound, the motor has a torque of about {amount(motor.size.torque, units.TORQUE)}"
+    unit = f", or perhaps you mean {meant}" if meant else ""
+    return f'--resistance: "{text}": {has}; if yours has another, give --{own_flag}{unit}'
 
 
 def _value(request: Request, motor: MotorFacts, flag: str) -> float:

@@ -20,8 +20,9 @@ from cogless import units
 from cogless.design import warnings
 from cogless.design.laws.harmonic import certificate, rival_bases, unlearned_orders
 from cogless.design.settling import settling
-from cogless.run.simulate import rollout
+from cogless.run.causes import SENSOR
 from cogless.starter.amounts import amount, digits, exact_rate
+from cogless.starter.better_settings import better_settings
 from cogless.starter.doubts import doubts, unusual
 from cogless.starter.motor_rules import KV_TO_TORQUE
 from cogless.starter.motor_sections import (
@@ -36,11 +37,12 @@ from cogless.starter.motor_sections import (
     share_of,
 )
 from cogless.starter.part_catalogue import Figure, Part, parts
-from cogless.starter.ranking import LEARNING_LAW, outcome
+from cogless.starter.ranking import LEARNING_LAW, outcomes
 from cogless.starter.request import NUMBERS, Answer, Request, RequestError
 from cogless.starter.sensor_choice import (
     COUNTS_PER_SECOND,
     HALL_EDGES_PER_SECOND,
+    TRIED,
     fit_observer,
     put_sensor,
     reading_doubt,
@@ -57,6 +59,12 @@ from cogless.study.toml import toml
 
 Feedbacks = Mapping[str, tuple[str, str]]  # kp and ki by controller
 
+BASE_KEY = f"controller.{LEARNING_LAW}.base"
+COMPENSATION = "drive.dead_time_compensation"
+COMPENSATED = (
+    f"Switched on: {COMPENSATION}, with which harmonic leaves less. Your board's firmware needs it, too."
+)
+OBSERVER_KEYS = ("speed_method", "observer_bandwidth")
 COGGING_FREQUENCY = 40.0  # Hz, of the main order at the speed that is chosen
 VOLTAGE_SHARE = 0.5  # of the speed without load that the chosen speed may be
 SPEED_ROUNDS = 3  # of raising a speed at which the rotor snaps
@@ -111,12 +119,15 @@ class Fit:
     """What is chosen by designs of the study itself.
 
     `steps`: integration steps of the plant in a period of the current loop. `observer`: keys of the sensor;
-    {} where its edges are timed. `feedbacks`: gains in place of the rule's. `base`: of the law that learns,
-    and why. `settling`: the time in which it learns, s.
+    {} where its edges are timed. `tried_observer`: the same, by runs. `compensation`: of dead time, its
+    keys. `feedbacks`: gains in place of the rule's. `base`: of the law that learns, and why. `settling`: the
+    time in which it learns, s.
     """
 
     steps: int = 1
     observer: Mapping[str, str] = field(default_factory=dict)
+    tried_observer: Mapping[str, str] = field(default_factory=dict)
+    compensation: Mapping[str, str] | None = None
     feedbacks: Feedbacks = field(default_factory=dict)
     base: tuple[int, str] | None = None
     settling: float = 0.0
@@ -132,7 +143,10 @@ def draft(request: Request, title: str, path: Path) -> Draft:
     for _ in range(SPEED_ROUNDS):
         of_slowest = replace(request, faster=())
         composed = _fitted(
-            partial(_composed, of_slowest, title, speed), partial(_composed, request, title, speed), path
+            partial(_composed, of_slowest, title, speed),
+            partial(_composed, request, title, speed),
+            path,
+            "compensates" in parts("drives")[request.drive].table,
         )
         speed = None if "speed" in request.numbers else turning_speed(_study(composed, path))
         if speed is None:
@@ -140,20 +154,33 @@ def draft(request: Request, title: str, path: Path) -> Draft:
     return composed
 
 
-def _fitted(compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Draft], path: Path) -> Draft:
-    """The study with the integration steps, the speed method and the feedbacks that suit it.
+def _fitted(
+    compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Draft], path: Path, compensates: bool
+) -> Draft:
+    """The study with the integration steps, the speed method, the feedbacks and the settings that suit it.
 
-    `compose_slowest`: the study with the slowest speed alone, which is the hardest to hold.
+    `compose_slowest`: the study with the slowest speed alone, which is the hardest to hold. `compensates`:
+    whether the drive may compensate its dead time.
     """
     fit = Fit(steps=_integration_steps(compose(Fit()), path))
     fit = replace(fit, observer=fit_observer(_study(compose_slowest(fit), path)))
     fit = replace(fit, feedbacks=slower_feedbacks(_study(compose_slowest(fit), path)))
-    fit = replace(fit, base=better_base(_study(compose_slowest(fit), path)))
-    composed = compose(fit)
-    study = _study(composed, path)
-    times = settling(study, LEARNING_LAW, certificate(study, LEARNING_LAW))
-    slowest = max((at_speed.time for at_speed in times), default=0.0)
-    return compose(replace(fit, settling=slowest)) if slowest else composed
+    fit = _learning(fit, compose_slowest, compose, path)
+    better = better_settings(_study(compose_slowest(fit), path), compensates)
+    if better:
+        observer = {key: better[f"{SENSOR}.{key}"] for key in OBSERVER_KEYS if f"{SENSOR}.{key}" in better}
+        fit = replace(fit, tried_observer=observer, compensation=better.get(COMPENSATION))
+        fit = _learning(fit, compose_slowest, compose, path)
+    return compose(fit)
+
+
+def _learning(
+    fit: Fit, compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Draft], path: Path
+) -> Fit:
+    """The fit with a run long enough to learn on either base, and the base that leaves less in this run."""
+    fit = replace(fit, base=None)
+    fit = replace(fit, settling=settling_time(_study(compose(fit), path)))
+    return replace(fit, base=better_base(_study(compose_slowest(fit), path)))
 
 
 def _integration_steps(composed: Draft, path: Path) -> int:
@@ -200,6 +227,14 @@ def slower_feedbacks(study: Study) -> Feedbacks:
     return slower
 
 
+def settling_time(study: Study) -> float:
+    """The time, s, in which the law learns at all speeds, on each base that it may have; 0 if it does not."""
+    rivals = rival_bases(study, LEARNING_LAW)
+    variants = [study] if rivals is None else [changed(study, {BASE_KEY: base}) for base in rivals]
+    times = [settling(variant, LEARNING_LAW, certificate(variant, LEARNING_LAW)) for variant in variants]
+    return max((at_speed.time for of_base in times for at_speed in of_base), default=0.0)
+
+
 def better_base(study: Study) -> tuple[int, str] | None:
     """Of two bases that each miss something, the one with less ripple in a run, and a comment.
 
@@ -208,11 +243,9 @@ def better_base(study: Study) -> tuple[int, str] | None:
     rivals = rival_bases(study, LEARNING_LAW)
     if rivals is None:
         return None
-    key = f"controller.{LEARNING_LAW}.base"
     ((scenario, run),) = study.scenario.items()
-    variants = [changed(study, {key: base}) for base in rivals]
-    results = rollout(variants, [f"{scenario}/{LEARNING_LAW}"])
-    answers = [outcome(variant, result.runs[0]) for variant, result in zip(variants, results, strict=True)]
+    variants = [changed(study, {BASE_KEY: base}) for base in rivals]
+    answers = outcomes(variants, scenario, LEARNING_LAW)
     ripple = {base: answer.ripple for base, answer in zip(rivals, answers, strict=True) if answer.holds}
     complete, roomy = rivals
     beyond = ", ".join(map(str, unlearned_orders(variants[0], LEARNING_LAW)))
@@ -255,6 +288,11 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     _check_fit(request, part, drive)
     sheet = Sheet()
     motor = put_motor(sheet, request, part) if part.layouts else put_step_motor(sheet, request, part)
+    sheet.remarks += [
+        f"--{flag} {answer.written}: taken as {answer.text}."
+        for flag, answer in request.numbers.items()
+        if answer.written
+    ]
     sheet.doubts += doubts(request, motor)
     sheet.unusual += unusual(request, motor)
     _mechanics(sheet, request, motor)
@@ -263,8 +301,8 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     speed = _speed(request, motor, sensor, voltage.typical)
     if faster is not None:
         speed = faster, "the slowest at which the rotor does not snap from detent to detent"
-    current_rate = _drive(sheet, request, motor, drive, voltage, fit.steps)
-    put_sensor(sheet, request, sensor, drive, observer=fit.observer)
+    current_rate = _drive(sheet, request, motor, drive, voltage, fit)
+    put_sensor(sheet, request, sensor, drive, observer=fit.observer, tried=fit.tried_observer)
     sheet.doubts += reading_doubt(request, sensor, current_rate)
     duration = _duration(speed[0], fit.settling)
     rows = _scenario(sheet, request, motor, speed, duration, current_rate, voltage.typical)
@@ -303,6 +341,11 @@ def _check_fit(request: Request, part: Part, drive: Part) -> None:
         fits = request.encoder == encoder or (flag == "bits" and request.encoder not in OF_ENCODERS.values())
         unless = "unless the encoder is absolute" if flag == "bits" else "unless the encoder is incremental"
         _refuse(request, () if fits and request.encoder != "hall" else (flag,), unless)
+    current = request.numbers.get("rated-current")
+    if phases == 2 and current is not None and current.written:
+        raise RequestError(
+            "rated-current", current.written, 'expected the current of each coil at rest, such as "2.8 A"'
+        )
     _check_constants(request)
     tables = datasheet_tables(request.motor)
     if tables:
@@ -402,7 +445,7 @@ def _reach(motor: MotorFacts, voltage: float) -> float:
 
 
 def _drive(
-    sheet: Sheet, request: Request, motor: MotorFacts, drive: Part, voltage: Figure, steps: int
+    sheet: Sheet, request: Request, motor: MotorFacts, drive: Part, voltage: Figure, fit: Fit
 ) -> float:
     """Rates, current loop, inverter and current sensors; returns the current loop's rate, Hz."""
     current_rate, speed_rate = _rates(request, drive)
@@ -413,8 +456,8 @@ def _drive(
     ):
         stated = flag in request.numbers or "current-rate" in request.numbers
         section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
-    if steps > 1:
-        section.put("integration_steps", steps, note="enough at both ends of the guessed ranges, too")
+    if fit.steps > 1:
+        section.put("integration_steps", fit.steps, note="enough at both ends of the guessed ranges, too")
 
     section = sheet.section("[drive.current_loop]")
     bandwidth = current_rate * BANDWIDTH_SHARE
@@ -436,6 +479,11 @@ def _drive(
         sheet.guess(section, "dead_time", dead, units.TIME, path="drive.inverter", name="dead time")
     else:
         section.put("dead_time", amount(dead.typical, units.TIME), origin(dead))
+
+    if fit.compensation is not None:
+        section = sheet.section(f"[{COMPENSATION}]")
+        section.put("band", fit.compensation["band"], TRIED)
+        sheet.remarks.append(COMPENSATED)
 
     section = sheet.section("[drive.current_sensors]")
     step = 2 * drive["current_range"].typical / 2**CONVERTER_BITS

@@ -18,7 +18,7 @@ from cogless.control_library import NOTICED, SAFE_OUTPUT
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.held_speed import miss
+from cogless.results.held_speed import miss, unevenness
 from cogless.run.simulate import RunError, rollout
 from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
@@ -26,6 +26,7 @@ from cogless.study import Study, changed
 LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
 RUN_TICKS_MOST = 250_000  # a run has no more
 LAST_SHARE = 1 / 3  # of a run, in which the ripple is taken
+ALIKE_RATIO = 1.05  # of the ripple of a run to that of a shorter one, which then tells as much
 AT_ONCE = 8  # variants in a batch, between which progress is told
 
 Report = Callable[[float], None]
@@ -33,10 +34,14 @@ Report = Callable[[float], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """A run's answer. `ripple`: rms, rad/s. `why`: why the speed is not held; "" if it is."""
+    """A run's answer. `ripple`: rms, rad/s. `why`: why the speed is not held; "" if it is.
+
+    `uneven`: the rotor turns in jerks, with the right mean, whether or not that counts as held.
+    """
 
     ripple: float
     why: str
+    uneven: bool = False
 
     @property
     def holds(self) -> bool:
@@ -75,11 +80,16 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class Ranking:
-    """Answers of a study with all its guesses as they are, and the effects of the guesses, largest first."""
+    """Answers of a study with all its guesses as they are, and the effects of the guesses, largest first.
+
+    `duration`: of the runs of the effects, s, where they are shorter than the study's and leave clearly more
+    or less; 0 where they are not.
+    """
 
     learned: Outcome
     baseline: Outcome
     effects: tuple[Effect, ...]
+    duration: float = 0.0
 
 
 def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share: None) -> Ranking:
@@ -90,15 +100,28 @@ def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share
         {},
         *(change for guess in guesses for change in guess.variants.values()),
     ]
-    outcomes = [*_outcomes(short, scenario, changes, progress)]
-    nominal, rest = outcomes[0], iter(outcomes[1:])
+    nominal, *others = _variants(short, scenario, changes, progress)
+    rest = iter(others)
     effects = [
         Effect(guess=guess, nominal=nominal, outcomes={label: next(rest) for label in guess.variants})
         for guess in guesses
     ]
-    (base,) = _runs([short], scenario, BASELINE_LAW)
+    is_short = short.scenario[scenario].duration < study.scenario[scenario].duration
+    (learned,) = outcomes([study], scenario, LEARNING_LAW) if is_short else (nominal,)
+    (base,) = outcomes([study], scenario, BASELINE_LAW)
     effects.sort(key=lambda effect: effect.size, reverse=True)
-    return Ranking(learned=nominal, baseline=outcome(short, base), effects=tuple(effects))
+    return Ranking(
+        learned=learned,
+        baseline=base,
+        effects=tuple(effects),
+        duration=0.0 if _is_alike(learned, nominal) else short.scenario[scenario].duration,
+    )
+
+
+def _is_alike(one: Outcome, other: Outcome) -> bool:
+    if not (one.holds and other.holds):
+        return one.holds == other.holds
+    return abs(math.log(one.ripple / other.ripple)) <= math.log(ALIKE_RATIO)
 
 
 def shortened(study: Study) -> Study:
@@ -121,18 +144,18 @@ def shortened(study: Study) -> Study:
     return changed(study, {f"scenario.{name}.duration": f"{duration:.6g} s", "metric": metrics})
 
 
-def _outcomes(
+def _variants(
     study: Study, scenario: str, changes: Sequence[Mapping[str, Any]], progress: Report
 ) -> Iterator[Outcome]:
     for begin in range(0, len(changes), AT_ONCE):
         batch = [_changed(study, change) for change in changes[begin : begin + AT_ONCE]]
         variants = [variant for variant in batch if not isinstance(variant, StudyError)]
-        runs = iter(_runs(variants, scenario, LEARNING_LAW))
+        answers = iter(outcomes(variants, scenario, LEARNING_LAW))
         for variant in batch:
             if isinstance(variant, StudyError):
                 yield Outcome(ripple=math.nan, why=str(variant))
             else:
-                yield outcome(variant, next(runs))
+                yield next(answers)
         progress(min(1.0, (begin + AT_ONCE) / len(changes)))
 
 
@@ -143,15 +166,16 @@ def _changed(study: Study, change: Mapping[str, Any]) -> Study | StudyError:
         return error
 
 
-def _runs(variants: Sequence[Study], scenario: str, controller: str) -> list[Run | None]:
-    """A run of each study; None for one that failed."""
+def outcomes(variants: Sequence[Study], scenario: str, controller: str) -> list[Outcome]:
+    """What comes of a run of each study."""
     if not variants:
         return []
     try:
         results = rollout(variants, [f"{scenario}/{controller}"])
     except RunError as error:
         results = error.all_results
-    return [next(iter(result.runs), None) for result in results]
+    runs = (next(iter(result.runs), None) for result in results)
+    return [outcome(variant, run) for variant, run in zip(variants, runs, strict=True)]
 
 
 def outcome(study: Study, run: Run | None) -> Outcome:
@@ -159,17 +183,17 @@ def outcome(study: Study, run: Run | None) -> Outcome:
     if run is None:
         return Outcome(ripple=math.nan, why="the run failed")
     ripple = float(np.asarray(run.metrics["speed_ripple_rad_s"]))
-    return Outcome(ripple=ripple, why=_why(study, run))
+    late = run.trace.window(float(run.trace.time[-1]) - (study.metric[0].last or 0.0), math.inf)
+    ratio = unevenness(run.trace.part("omega_ref", late), run.trace.part("omega_m", late))
+    return Outcome(ripple=ripple, why=_why(study, run, late), uneven=ratio is not None)
 
 
-def _why(study: Study, run: Run) -> str:
-    last = study.metric[0].last or 0.0
-    late = run.trace.time >= run.trace.time[-1] - last
+def _why(study: Study, run: Run, late: slice) -> str:
     status = np.nan_to_num(run.trace.part("status", late)).astype(int)
     if np.any(status & int(SAFE_OUTPUT)):
         causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
         return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
-    speed = miss(run.trace["omega_ref"][late], run.trace["omega_m"][late])
+    speed = miss(run.trace.part("omega_ref", late), run.trace.part("omega_m", late))
     if speed is not None and speed.kind == "mean":
         return f"the mean speed is {100 * speed.value / speed.target:.3g} % of the reference"
     if speed is not None:

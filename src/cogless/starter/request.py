@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,11 +19,11 @@ from cogless.units import Dimension
 
 
 class RequestError(StudyError):
-    """A mistake in an answer. `flag`: the option that it is about."""
+    """A mistake in an answer. `flag`: the option that it is about. `expected`: what it may be."""
 
     def __init__(self, flag: str, value: str, expected: str) -> None:
         super().__init__(f"--{flag}: {toml_text(value)}: {expected}")
-        self.flag = flag
+        self.flag, self.expected = flag, expected
 
 
 class Number(NamedTuple):
@@ -35,17 +36,36 @@ class Number(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """A number as it was given: with its unit, and in SI. `per_phase`: of a phase, not between terminals."""
+    """A number as it was given: with its unit, and in SI. `per_phase`: of a phase, not between terminals.
+
+    `written`: what was given, where the number is another one, such as an rms current; "" if it is not.
+    """
 
     text: str
     value: float
     per_phase: bool = False
+    written: str = ""
 
 
 PER_PHASE = re.compile(r"\s*(?:/|\bper)\s*phase\s*")
 OF_A_WINDING = ("resistance", "inductance")
 SEVERAL = re.compile(r",\s+|;\s*")  # between speeds
 EXACT_DIGITS = 6
+RMS = math.sqrt(2)  # peak / rms of a sine
+BETWEEN_TERMINALS = r"(.*?)\s*(?:l-l|line[ -]to[ -]line|phase[ -]to[ -]phase)"
+# What datasheets write behind a number, the unit that it stands for, and the factor to that unit.
+WRITTEN: Mapping[str, Sequence[tuple[str, str, float]]] = {
+    "kv": [(r"kv", "rpm/V", 1)],
+    "back-emf": [(r"V\s*/\s*1000\s*(?:rpm|r/min|min\^?-1)", "V/krpm", 1)],
+    "torque-constant": [(r"(N\W?m)\s*/\s*A\s*\(?rms\)?", "N*m/A", 1 / RMS)],
+    "rated-current": [(r"A\s*\(?rms\)?", "A", RMS), (r"A\s*(?:/|per)\s*phase", "A", 1)],
+    "current-limit": [(r"A\s*\(?rms\)?", "A", RMS)],
+    "resistance": [(BETWEEN_TERMINALS, r"\1", 1)],
+    "inductance": [(BETWEEN_TERMINALS, r"\1", 1)],
+    "bits": [(r"-?bits?", "", 1)],
+    "cpr": [(r"cpr|counts", "", 1), (r"ppr|lines?|pulses", "", 4)],
+    "pole-pairs": [(r"pole[ -]?pairs?", "", 1), (r"poles|magnets", "", 0.5)],
+}
 
 NUMBERS: dict[str, Number] = {
     "pole-pairs": Number(units.NONE, "", (1, 1000)),
@@ -119,6 +139,15 @@ def check_name(flag: str, kind: Kind, name: str) -> str:
 
 def parse_number(name: str, text: str) -> Answer:
     """A number that is given as text, with a unit or without one; RequestError says what was expected."""
+    plain, factor = _plain(name, text)
+    try:
+        answer = _read(name, plain)
+    except RequestError as error:
+        raise RequestError(name, text, error.expected) from None
+    return answer._replace(written=text) if factor != 1 else answer
+
+
+def _read(name: str, text: str) -> Answer:
     number = NUMBERS[name]
     if number.bounds is not None:
         return _whole(name, text, number.bounds)
@@ -135,6 +164,18 @@ def parse_number(name: str, text: str) -> Answer:
     if value < 0 or (value == 0 and not number.zero):
         raise RequestError(name, text, f"expected {'zero or more' if number.zero else 'more than zero'}")
     return Answer(full, value, bool(per_phase))
+
+
+def _plain(name: str, text: str) -> tuple[str, float]:
+    """A number with the unit that a datasheet's words stand for, and the factor between the two numbers."""
+    quantity = units.NUMBER_AND_UNIT.fullmatch(text)
+    number, words = quantity.groups() if quantity is not None else ("", "")
+    for written, unit, factor in WRITTEN.get(name, ()) if words else ():
+        match = re.fullmatch(written, words, re.IGNORECASE)
+        if match is not None:
+            number = number if factor == 1 else f"{factor * float(number):.{EXACT_DIGITS}g}"
+            return f"{number} {match.expand(unit)}".strip(), factor
+    return text, 1
 
 
 def parse_speeds(texts: Sequence[str]) -> tuple[Answer, ...]:

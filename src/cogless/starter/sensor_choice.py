@@ -32,6 +32,8 @@ CROSSOVER_TIMES = 3.0  # bandwidth of an observer over the crossover: docs/theor
 OBSERVER_ROUNDS = 6  # the search ends after them
 FIRST_SHARE = 1 / 20  # of the speed loop's rate, where the search begins
 SLOWEST_OBSERVER = 2.0  # Hz
+BY_RULE = "three times the crossover, and no faster than counts come"
+TRIED = "chosen by runs, in which harmonic leaves less with it"
 UNFITTED_BANDWIDTH = "100 Hz"  # of the study with which fit_observer begins
 
 
@@ -43,9 +45,15 @@ def sensor_counts(request: Request, sensor: Part) -> int:
 
 
 def put_sensor(
-    sheet: Sheet, request: Request, sensor: Part, drive: Part, *, observer: Mapping[str, str]
+    sheet: Sheet,
+    request: Request,
+    sensor: Part,
+    drive: Part,
+    *,
+    observer: Mapping[str, str],
+    tried: Mapping[str, str],
 ) -> None:
-    """The section of the position sensor. `observer`: the keys of `fit_observer`."""
+    """The section of the position sensor. `observer`: the keys of `fit_observer`. `tried`: those by runs."""
     section = sheet.section(f"[{PATH}]")
     kind = sensor.table["kind"]
     section.put("kind", kind, note=sensor.description)
@@ -63,15 +71,13 @@ def put_sensor(
         section.put("bits", bits, *(() if stated else (origin(sensor["bits"]),)))
     own = f"{drive.name} itself: {drive.table['own_speed']}"
     timed = kind == "encoder" and "timer" in drive.figures
-    if timed and not observer:
+    if timed and not (observer or tried):
         section.put("speed_method", "MT", own)
         section.put("timer", exact_rate(drive["timer"].typical), origin(drive["timer"]))
     else:
         section.put("speed_method", "observer", own)
-        bandwidth = observer.get("observer_bandwidth", UNFITTED_BANDWIDTH)
-        section.put(
-            "observer_bandwidth", bandwidth, note="three times the crossover, and no faster than counts come"
-        )
+        bandwidth = (tried or observer).get("observer_bandwidth", UNFITTED_BANDWIDTH)
+        section.put("observer_bandwidth", bandwidth, note=TRIED if tried else BY_RULE)
     if not timed and "latency" in sensor.figures:
         sheet.guess(
             section, "latency", sensor["latency"], units.TIME, path=PATH, name="age of the measured angle"

@@ -543,10 +543,14 @@ def is_arena(tables: dict[str, Any]) -> bool:
 
 @dataclass(frozen=True)
 class Remark:
-    """One line on a study. It begins with the key that it is about."""
+    """One line on a study. It begins with the key that it is about.
+
+    `stops_in`: the scenario in which it says that the rotor stops; "" if it does not say so.
+    """
 
     text: str
     cures: tuple[Changes, ...] = ()  # values by dotted key; each of these changes helps without the others
+    stops_in: str = ""
 
     def __str__(self) -> str:
         return self.text
