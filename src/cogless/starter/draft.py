@@ -20,7 +20,7 @@ from cogless import units
 from cogless.design import warnings
 from cogless.design.laws.harmonic import certificate, rival_bases, unlearned_orders
 from cogless.design.settling import settling
-from cogless.run.causes import SENSOR
+from cogless.run.suspects import SENSOR
 from cogless.starter.amounts import amount, digits, exact_rate
 from cogless.starter.better_settings import better_settings
 from cogless.starter.doubts import doubts, unusual

@@ -19,11 +19,11 @@ from cogless.units import Dimension
 
 
 class RequestError(StudyError):
-    """A mistake in an answer. `flag`: the option that it is about. `expected`: what it may be."""
+    """A mistake in an answer. `flag`: the option that it is about."""
 
     def __init__(self, flag: str, value: str, expected: str) -> None:
         super().__init__(f"--{flag}: {toml_text(value)}: {expected}")
-        self.flag, self.expected = flag, expected
+        self.flag = flag
 
 
 class Number(NamedTuple):
