@@ -15,7 +15,7 @@ namespace cogless {
 
 namespace {
 
-constexpr double brief_share = 0.25;  // of the nominal step: up to here a step of order 3 errs no more than a whole one of order 4
+constexpr double brief_share = 0.25;  // of the nominal step: up to here a step of order 3 errs by 1/256 of its error over a whole one, or less
 constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
 // Before each step of a period in which no rows of the trace lie.
