@@ -1,6 +1,7 @@
 """What the still pictures draw: curves, bars and marks in matplotlib's axes, before they are rendered."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from cogless.identify.result import Value, Wave
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.report import identified, pictures
 from cogless.report.charts import (
     Bars,
@@ -280,13 +281,9 @@ def test_the_found_orders_are_bars_with_their_errors(tmp_path, figures):
     waves = tuple(Wave(order, Value(size, error), Value(0.0, 0.0)) for order, size, error in (
         (6, 0.03, 0.01), (24, 0.05, 0.0)
     ))  # fmt: skip
-    made = SimpleNamespace(
-        identification=SimpleNamespace(title="Servo"),
-        K_t=0.5,
-        cogging=waves,
-        ripple=(),
-        encoder=waves[:1] * 4,
-    )
+    motor = SimpleNamespace(star=lambda: SimpleNamespace(K_t=0.5))
+    servo: Any = SimpleNamespace(title="Servo", motor=motor)
+    made = Estimate(servo, (), {}, waves, (), waves[:1] * 4, {}, (), ())
     identified.write_plot(made, tmp_path / "orders.png")
     ((figure, _),) = figures
     assert figure.get_suptitle() == "Servo: orders, with errors at 95 %"
