@@ -229,8 +229,9 @@ def _shares(part: Part, layout: tuple[int, int]) -> dict[str, Figure]:
 def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, int]) -> dict[str, Figure]:
     """Amplitudes of the parts of the cogging, N*m.
 
-    A stated cogging is half of peak to peak of the sum of all parts. It is split as the shares of the class
-    are; the ranges are those of splits with the least and the largest shares of the tolerances' orders.
+    A stated cogging is half of peak to peak of the sum of all parts. It is split in the proportions of the
+    class. The class gives a range for each share of the orders that tolerances cause. Splits with the least
+    and with the largest of these shares give the range of each amplitude.
     """
     total, shares = request.value("cogging"), _shares(part, layout)
     if total is None:
