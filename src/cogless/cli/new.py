@@ -136,7 +136,7 @@ def new(
     ] = None,
     load: Annotated[Text, _number("--load", "Constant torque of the load, in N*m.")] = None,
     page: Annotated[
-        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
+        bool, typer.Option("--live", help="Also write live.html, the page that `cogless live` opens.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:

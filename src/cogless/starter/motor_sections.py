@@ -238,7 +238,9 @@ def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, 
         return {key: share_of(figure, torque) for key, figure in shares.items()}
     splits = [_split(total, shares, layout, end) for end in ("typical", "low", "high")]
     text = request.numbers["cogging"].text
-    reason = f"this order's part of {text}, half of peak to peak of all orders; split as in the class"
+    reason = (
+        f"this order's part of {text}, half of peak to peak of all orders together, split as in the class"
+    )
     return {
         key: Figure(
             typical=splits[0][key],
