@@ -51,7 +51,7 @@ public:
                ripple_q_.alike(other.ripple_q_) && cogging_.alike(other.cogging_) && load_.alike(other.load_);
     }
 
-    // As another motor's, with the magnets' flux changed by a factor. Cogging goes with its square.
+    // Takes the functions of another motor, with the magnets' flux changed by a factor. Cogging goes with its square.
     void scale(const AngleFunctions& of, double flux) {
         ripple_d_.scale(of.ripple_d_, flux);
         ripple_q_.scale(of.ripple_q_, flux);

@@ -175,7 +175,7 @@ public:
     // Runs one step of the drive's own controller without the plant, as advance() does without another controller. Plant and
     // tick stay as they are. The law must be one of the control library.
     cgl_drive_output step_controller(DriveState& state, const cgl_measurement& now, const cgl_reference& reference) const;
-    // The same in parts, as those of Controller.
+    // step_controller() in three parts, for a bus between drive and law: see measure(), law() and actuate() of Controller.
     std::pair<bool, Measurement> measure_controller(DriveState& state, const cgl_measurement& now,
                                                     const cgl_reference& reference) const;
     BusCommand law_controller(DriveState& state, const Measurement& then) const;

@@ -112,7 +112,7 @@ template <std::size_t legs, class Real>
     return {alpha, -0.5 * alpha + 0.86602540378443865 * beta, -0.5 * alpha - 0.86602540378443865 * beta};
 }
 
-// Phase currents, with three legs the line currents of the star equivalent, from the rotor's frame.
+// Phase currents from the currents in the rotor's frame. With three legs they are the line currents of the equivalent star.
 template <std::size_t legs, class Real>
 [[gnu::always_inline]] inline InPhases<Real> phase_currents(const Currents<Real>& i, const Complex<Real>& axis) {
     const Real alpha = axis.re * i.d - axis.im * i.q;

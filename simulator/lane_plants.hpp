@@ -30,7 +30,7 @@ public:
     virtual View view() = 0;
     virtual void put(std::size_t lane, const PlantState<>& x, const AtAngle<double>& here) = 0;
     virtual void get(std::size_t lane, PlantState<>& x, AtAngle<double>& here) const = 0;
-    // The phase currents of now.
+    // Computes the present phase currents of all lanes, View::current.
     virtual void measure() = 0;
     // The inverter's voltages from now on. Without a call they are zero, which has no effect if the currents are given.
     virtual void apply(const Carrier& carrier) = 0;

@@ -18,7 +18,7 @@ struct LoadConfig {
 
 template <class Real = double>
 struct LoadState {
-    Real torque;  // N m, the constant part now
+    Real torque;  // N m, present value of the load without tables and harmonics
     Real target;  // N m, the value that it approaches
 };
 

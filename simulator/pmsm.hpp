@@ -68,7 +68,7 @@ public:
                !other.saturation_;
     }
 
-    // As another motor, with its resistance and its magnets' flux changed by these factors.
+    // Takes resistance and magnets' flux from the cold motor `of`, multiplied by these factors.
     void warm(const Pmsm& of, const Warmth& by) {
         R_s_ = of.R_s_ * by.resistance;
         psi_f_ = of.psi_f_ * by.flux;

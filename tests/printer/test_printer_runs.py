@@ -155,7 +155,7 @@ def at_rest(lines: list[str]) -> list[str]:
     ("change", "line"),
     [
         (at_rest, "is not heard at 40 mm/s: expected"),
-        (lambda lines: ["ok"], 'no run with "cogless-run" and "sample freq"'),
+        (lambda lines: ["ok"], 'no whole run, from its line "cogless-run"'),
         (without_backward, "no backward run: expected runs in both directions"),
         (
             lambda lines: [x.replace("sample freq: 1", "sample freq: 0.1") for x in lines],

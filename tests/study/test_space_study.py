@@ -385,8 +385,8 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
             "controller.pi: expected either k_theta and k_omega or tuning, such as "
             '{ rule = "phase-margin", phase_margin = "60 deg" }'),
         ({"controller.pi": {**SPACE, "period": {"of": "mechanical", "turns": 5000}}},
-            "controller.pi.period: expected at most 3978 revolutions, until whole periods are whole "
-            "revolutions, not 5000"),
+            "controller.pi.period: expected a whole number of periods in at most 3978 revolutions, not only "
+            "in 5000"),
         ({"controller.pi": {**SPACE, "memory": "delay", "cells": 4000, "k_pp": 20000.0}},
             "controller.pi.k_pp: 20000.0: expected less than drive.rates.speed_loop, 1000 Hz"),
         ({"controller.pi": {**SPACE, "beta_limit": 1e300}},

@@ -282,8 +282,8 @@ def _source(
 
     to = target.name
     logs = "" if target.read_logs is None else f"logs of {to}, or "
-    shift = f"{logs}--shift ANGLE, the angle of {to}'s index where the source's angle is zero"
-    unknown = f"its angle is not that of {to}'s index: expected {shift}"
+    shift = f"{logs}--shift ANGLE, what {to}'s encoder shows where the source's angle is zero"
+    unknown = f"its angle does not count from {to}'s index: expected {shift}"
     if from_ is not None:
         adapter = adapter_named(from_, "--from")
         if adapter.read_table is None:

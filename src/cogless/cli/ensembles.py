@@ -50,7 +50,9 @@ def sweep(
     ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Run variants of a study, drawn as the study's vary table says, and show how the metrics spread and why.
+    """Run random variants of a study, and show how much each metric spreads and which values cause it.
+
+    The study's table [vary] says what varies.
 
     Writes sweep.parquet, a row for each run, and report.html. The same command goes on
     where it stopped; a larger -n adds variants.

@@ -147,7 +147,7 @@ def map_(
             "--csv",
             parser=place,
             metavar="FILE",
-            help="Write the newest map's entries as CSV; - prints them.",
+            help="Write the newest map's entries as CSV. With - as the file, print them instead.",
         ),
     ] = None,
     output: Annotated[
@@ -159,7 +159,8 @@ def map_(
         typer.Option(
             "--motor",
             metavar="ID",
-            help="Identity of the motor for which the map is written, such as 0x1F2E3D4C.",
+            help="With --output: write the map with this identity, the number that your firmware gives this "
+            "motor, such as 0x1F2E3D4C.",
         ),
     ] = None,
 ) -> None:

@@ -136,7 +136,7 @@ def new(
     ] = None,
     load: Annotated[Text, _number("--load", "Constant torque of the load, in N*m.")] = None,
     page: Annotated[
-        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
+        bool, typer.Option("--live", help="Also write live.html, the page that `cogless live` opens.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
@@ -297,7 +297,7 @@ def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
 
 
 def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """Numbers without which a motor of one's own can't be described: flag -> question and default."""
+    """Numbers still missing to describe a motor of one's own: flag -> question and default."""
     needed = {
         "pole-pairs": ("Pole pairs (half the number of magnets)", "7"),
         "kv": ("Kv, r/min per volt of the battery", "80"),

@@ -53,7 +53,7 @@ def run(
     plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
     no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
     with_page: Annotated[
-        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
+        bool, typer.Option("--live", help="Also write live.html, the page that `cogless live` opens.")
     ] = False,
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,

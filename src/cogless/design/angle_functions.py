@@ -163,7 +163,11 @@ class AngleFunctions:
         )
 
     def _grid(self) -> tuple[Real, float]:
-        """Grid angles over a revolution with the table's points, rad; and (grid step / 2)^2 / 2, rad^2."""
+        """Angles of a grid over a revolution, rad, and (grid step / 2)^2 / 2, rad^2.
+
+        The grid includes the angles of the torque's table. A function exceeds its values on the grid by at
+        most the second number times a bound of its second derivative.
+        """
         points = min(PERIOD_POINTS * max([*self.orders, 4]), MOST_POINTS)
         theta = np.linspace(0, TURN, points, endpoint=False)
         if self.torque.table is not None:

@@ -180,7 +180,7 @@ class LearningLoop(ABC):
             return np.abs(self.share_kept(f, lead))
         images = min(math.ceil(rate / 2 / cells), IMAGES_MOST)
         image = np.add.outer(np.arange(-images, images + 1) * cells, f)
-        sine = np.sin(np.pi * f / cells) / np.pi  # all images have the same, but for its sign
+        sine = np.sin(np.pi * f / cells) / np.pi  # the same for every image, up to its sign
         with np.errstate(divide="ignore", invalid="ignore"):
             sinc = np.where(image == 0, 1.0, sine / (image / cells))
         weight = np.where(np.abs(image) <= rate / 2, sinc**2, 0.0)

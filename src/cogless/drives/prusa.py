@@ -39,7 +39,7 @@ TABLE_ORDERS = 17
 PROBE_TURNS = 3  # runs with the probe turned by a third each
 MOVE_MARGIN = 0.2  # revolutions and s that M974 adds before its samples
 RUN_SAMPLES_LEAST = 200
-PRUSA_LOG = "what the printer prints while it plays the file of --plan"
+PRUSA_LOG = "the printer's output while it executes the file that --plan wrote"
 RUN_MARK = re.compile(r"cogless-run (x|y) (forward|backward) ([0-9.]+) mm/s((?: \d+:[0-9.]+:-?[0-9.]+)*)\s*$")
 SAMPLE = re.compile(r"^(?:Recv: )?(\d+), (\S+), (\S+), (\S+)$")
 RATE_LINE = re.compile(r"sample freq: (\S+)")
@@ -116,7 +116,10 @@ def read_runs(paths: Sequence[Path], axis: Axis) -> dict[Direction, list[SpeedRu
                 runs[direction].append(_run(path, axis, mark, samples, match[1]))
                 mark = None
         if sum(map(len, runs.values())) == before:
-            raise StudyError(f'{path}: no run with "cogless-run" and "sample freq": expected {PRUSA_LOG}')
+            raise StudyError(
+                f'{path}: no whole run, from its line "cogless-run" to its line "sample freq": expected '
+                f"{PRUSA_LOG}"
+            )
     return runs
 
 

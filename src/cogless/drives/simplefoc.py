@@ -35,8 +35,9 @@ from cogless.results.trace import Array
 from cogless.study.reading import read
 
 MONITOR_HINT = (
-    'a TOML file: monitor = ["target", "Iq", "velocity", "angle"], as monitor_variables prints them, '
-    'row_period = "2 ms" or a column "time_us", and [motor] and [drive] as in a file of columns'
+    'a TOML file: monitor = ["target", "Iq", "velocity", "angle"], the columns in the order of '
+    'monitor_variables; row_period = "2 ms", or a column "time_us" in monitor; and the tables [motor] and '
+    "[drive], as in a file of columns"
 )
 # Columns of the monitor: the signal of each, and the factor to SI.
 MONITOR_SIGNALS: dict[str, tuple[str, float]] = {

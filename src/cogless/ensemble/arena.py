@@ -1,9 +1,10 @@
 """Run an arena: every law on every plant, in each of its cases.
 
-The cases of an arena's plant: what happens in each, and what is measured there.
+This module also says what happens in each case, and what is measured there.
 
-Once the plant is as the laws are told, with a load's step and a fault. Three times it is not. An hour of some
-plants, again as told, shows what drifts.
+In the first case the plant is as the laws are told, and there are a load's step and a fault. In three further
+cases the plant differs from what the laws are told. Some plants run for an hour, again as told, which shows
+what drifts.
 """
 
 from __future__ import annotations

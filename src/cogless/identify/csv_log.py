@@ -26,7 +26,7 @@ from cogless.identify.csv_cells import (
 from cogless.identify.log_files import LogColumns, printable, readable, require_bytes, require_numbers
 from cogless.results.trace import Array
 
-BLOCK_CHARACTERS = 1 << 22  # that are converted together; no line is longer
+BLOCK_CHARACTERS = 1 << 22  # read at once; a longer line is refused
 DELIMITERS = (",", ";", "\t")
 SPACE = " "  # separates columns where none of the others does
 LONGEST_PREAMBLE = 50  # lines
@@ -253,7 +253,7 @@ class _Table:
     thousands: list[str] = field(default_factory=list)
 
     def converted(self, lines: list[str]) -> Array | None:
-        """Numbers of these lines, a column for each place; None where a line isn't as the heading."""
+        """Numbers of the lines, a column for each of `places`; None if `checked` has to read each cell."""
         if not lines or any(line.count(self.delimiter) != len(self.heading) - 1 for line in lines):
             return None
         if self.decimal == ",":

@@ -367,7 +367,10 @@ def _biases(
 
 
 def _start(logs: Sequence[Log], left_out: list[str]) -> Model:
-    """The columns that the logs tell something of together; without inertia: held angles alone."""
+    """A model of the columns that the logs together can identify; `left_out` gets advice on the others.
+
+    If the logs can't tell the inertia, the model is for held angles alone.
+    """
     hold_maps, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
     if not moving:
         left_out.append(

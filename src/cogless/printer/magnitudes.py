@@ -44,11 +44,12 @@ MODES_MISS = 0.1  # share of the carriage's answer by which two modes may miss i
 CURVE_SPAN = 8.0  # The ripple is shown down to the highest speed over this.
 CURVE_SPEEDS = 40
 RUNS_NOTE = (
-    "Amplitude of the carriage's way by each order of the electrical revolution, computed from how far the "
-    "carriage moves at the frequencies of the runs: it answers as a mass on a belt, pulled by a rotor on the "
-    "spring of its field. A picture ends at the highest of these frequencies. The curves are cut near a "
-    f"resonance, where the carriage moves more than {RESONANCE_RATIO:g} times as far as the motor: the "
-    "ripple is larger there. The curve with the correction is what its error may leave, not a measurement."
+    "Amplitude of the carriage's displacement that each order of the electrical revolution causes. It is "
+    "computed from the carriage's motion at the frequencies of the runs. The model of the axis is a mass on "
+    "a belt, pulled by a rotor that its magnetic field holds like a spring. A picture ends at the highest "
+    f"frequency of the runs. Near a resonance the carriage moves more than {RESONANCE_RATIO:g} times as far "
+    "as the motor. The curves are cut there, and the ripple is larger than they show. The curve with the "
+    "correction is not a measurement: it shows the ripple that the error of the correction may leave."
 )
 
 

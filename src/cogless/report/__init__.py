@@ -83,7 +83,7 @@ def limit(results: AnyResults, scenario: str) -> Remark | None:
 
 
 def learning_off(results: AnyResults, scenario: str) -> LearningHelps | None:
-    """A scenario's best law beside itself with learning off; None where no run tells of that."""
+    """A scenario's best law compared with itself with learning off; None if no run shows this."""
     return _sections(results).learning_off(results, runs_in(results, scenario))
 
 

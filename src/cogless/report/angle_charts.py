@@ -38,8 +38,9 @@ PERIOD_CELLS = 360
 PERIODS_SHOWN = 5  # periods that a chart shows
 
 PERIODS_NOTE = (
-    "Over the angle that the law counts, period by period: faint is early, full is late. What repeats from "
-    "line to line is what learning can remove; the learned current is all of its learned parts together."
+    "Each curve is one period of the angle over which the law learns. Faint curves are early periods, full "
+    "curves are late ones. Learning can remove what is the same in all curves. The learned current is the "
+    "sum of all parts that the law has learned."
 )
 
 

@@ -149,7 +149,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
     after = spectrum(rows)
     if after is None or not learned_terms(results, run):
         return None, after
-    # Its first revolution begins when the speed first comes near the reference.
+    # The controller's first revolution begins when the speed first comes near the reference.
     begin = _first(
         trace,
         0,

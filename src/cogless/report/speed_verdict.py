@@ -480,7 +480,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
 
 
 def learning_helps(case: _Case) -> LearningHelps | None:
-    """The best law beside itself with learning off; None where no run tells of that."""
+    """The best law compared with itself with learning off; None if no run shows this."""
     line, off = case.line, case.off
     if (
         off is None

@@ -189,7 +189,11 @@ def _trial_words(count: float) -> str:
 
 
 def _as_quick(c: Case, name: str, best: str) -> bool:
-    """Whether a controller ties with the best: same phases without the floor, and same largest count."""
+    """Whether a controller ties with the best one.
+
+    It does if both miss the floor in the same phases, need the same largest number of trials to reach it in
+    the others, and its error doesn't grow.
+    """
     if name == best:
         return True
     most = [max((n for n in c.counts[which] if math.isfinite(n)), default=0) for which in (name, best)]

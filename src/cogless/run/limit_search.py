@@ -156,7 +156,7 @@ def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause],
 
 
 def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
-    """Metrics beside the judged one that a change made clearly worse, with the ratio to the run's value."""
+    """Metrics other than `judged` that a change made clearly worse: name -> value / the run's value."""
     costs = {}
     for metric in study.metrics_in(run.scenario):
         name = result_name(metric)

@@ -23,7 +23,7 @@ from cogless.starter.part_catalogue import Part, parts
 LOSS_POWER = -4 / 3  # R / K_t^2 grows with this power of the torque
 TIME_POWER = 2 / 3  # L / R does with this one
 INERTIA_POWER = 5 / 3
-COGGING_PHASES = {"cogging": 0.0, "slot_cogging": 40.0, "pole_cogging": 110.0}  # deg; any, but not alike
+COGGING_PHASES = {"cogging": 0.0, "slot_cogging": 40.0, "pole_cogging": 110.0}  # deg, assumed; all different
 SAMPLES_IN_A_WAVE, TURN_SAMPLES_MOST = 64, 1_000_003
 KV_TO_TORQUE = math.sqrt(3) / 2  # K_t kv of sinusoidal currents, both SI
 

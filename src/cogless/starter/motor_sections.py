@@ -229,15 +229,18 @@ def _shares(part: Part, layout: tuple[int, int]) -> dict[str, Figure]:
 def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, int]) -> dict[str, Figure]:
     """Amplitudes of the parts of the cogging, N*m.
 
-    A stated cogging is half of peak to peak of the sum of all parts. It is split as the shares of the class
-    are; the ranges are those of splits with the least and the largest shares of the tolerances' orders.
+    A stated cogging is half of peak to peak of the sum of all parts. It is split in the proportions of the
+    class. The class gives a range for each share of the orders that tolerances cause. Splits with the least
+    and with the largest of these shares give the range of each amplitude.
     """
     total, shares = request.value("cogging"), _shares(part, layout)
     if total is None:
         return {key: share_of(figure, torque) for key, figure in shares.items()}
     splits = [_split(total, shares, layout, end) for end in ("typical", "low", "high")]
     text = request.numbers["cogging"].text
-    reason = f"this order's part of {text}, half of peak to peak of all orders; split as in the class"
+    reason = (
+        f"this order's part of {text}, half of peak to peak of all orders together, split as in the class"
+    )
     return {
         key: Figure(
             typical=splits[0][key],

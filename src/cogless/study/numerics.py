@@ -55,7 +55,7 @@ def largest_voltage(bus_voltage: float, motor: StarMotor) -> float:
 
 
 def voltage_reach(study: Study) -> float:
-    """The speed without load that the bus voltage turns the motor at, rad/s; infinite with an ideal drive."""
+    """The motor's speed without load at the full bus voltage, rad/s; infinite with an ideal drive."""
     inverter, motor = study.drive.inverter, study.motor.star()
     if inverter is None:
         return math.inf

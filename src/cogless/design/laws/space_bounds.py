@@ -79,7 +79,7 @@ class Condition:
 
     name: str
     asks: float  # A*s/rad; infinite if no gain is enough
-    needed: bool = False  # whether the proof needs it; the others are as printed, or stricter than needed
+    needed: bool = False  # True: the proof needs it; False: it is as printed, or stricter than needed
     wants: str = ""  # the setting without which no gain is enough
 
     def ratio(self, has: float) -> float:

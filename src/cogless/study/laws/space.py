@@ -240,8 +240,13 @@ def _check_angles(name: str, revolutions: Fraction, ratio: int) -> None:
     """
     longest = int(ANGLE_MAX / (TURN * ratio))
     if revolutions.numerator > longest:
-        expected = f"expected at most {longest} revolutions, until whole periods are whole revolutions, not"
-        raise invalid(f"{expected} {revolutions.numerator}", "controller", name, "period")
+        raise invalid(
+            f"expected a whole number of periods in at most {longest} revolutions, not only in "
+            f"{revolutions.numerator}",
+            "controller",
+            name,
+            "period",
+        )
     if (ratio * revolutions).denominator > MOST_PARTS:
         raise invalid(f"expected at most {MOST_PARTS} parts", "controller", name, "period")
 
