@@ -1,5 +1,6 @@
 """What the still pictures draw: curves, bars and marks in matplotlib's axes, before they are rendered."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -304,6 +305,6 @@ def test_the_found_orders_are_bars_with_their_errors(tmp_path, figures):
     assert cogging.get_xlim() == (-1, 3) and encoder.get_xlim() == (-1, 4)
     assert not any(line.get_visible() for line in cogging.get_xgridlines())
     assert encoder.containers[0][0].get_height() == pytest.approx(np.degrees(0.03))
-    made.cogging = made.encoder = ()
+    made = replace(made, cogging=(), encoder=())
     identified.write_plot(made, tmp_path / "nothing.png")
     assert len(figures) == 1 and not (tmp_path / "nothing.png").exists()

@@ -52,7 +52,7 @@ def sweep(
 ) -> None:
     """Run random variants of a study, and show how much each metric spreads and which values cause it.
 
-    The study's table [vary] says what varies.
+    The table `vary` of the study says what varies.
 
     Writes sweep.parquet, a row for each run, and report.html. The same command goes on
     where it stopped; a larger -n adds variants.
