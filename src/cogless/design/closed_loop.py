@@ -236,7 +236,7 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     integral = loop.period * z / (z - 1)
 
     def stiffness(place: float) -> tuple[float, int]:
-        """The largest stiffness with both zeros at `place`, and its crossover's grid index; 0 if there is none."""
+        """The largest stiffness with both zeros at `place`, and its crossover's grid index; 0: none."""
         L = (1 + place * (integral - half)) * (speed + place * angle)  # K = 1
         enough = np.append(np.unwrap(np.angle(-L)) >= tuning.phase_margin, False)
         begin = int(np.argmax(enough))
