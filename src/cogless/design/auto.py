@@ -88,7 +88,7 @@ def unfilled(study: Study, name: str) -> Study:
 
 
 def missing(study: StudyBase) -> list[str]:
-    """Names of the controllers whose numbers the rule auto has still to give."""
+    """Names of the controllers to which the rule auto must still give numbers."""
     tables = study.source.tables["controller"]
     return [
         name

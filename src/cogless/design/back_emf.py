@@ -80,7 +80,7 @@ def _back_emf(study: Study, current: CurrentLoop, w: Real) -> Complex:
 
 
 def _measured(study: Study, w: Real) -> Complex:
-    """Response from the true to the measured speed at w in rad/s; the age of the angle cancels out of it."""
+    """Response from the true to the measured speed at w in rad/s; the angle's age cancels out."""
     loop = speed_loop(study)
     speed, theta = loop.plant(w)
     # The decoupling runs in each current-loop period; its speed may be held for the law's whole period.

@@ -109,20 +109,20 @@ class LawRules(Generic[L]):
 
     @property
     def memory(self) -> Memory | None:
-        """Its memory over a period of the angle; None: it has none, or learns nothing."""
+        """The law's memory over a period of the angle; None: the law has none, or learns nothing."""
         return None
 
     @property
     def loop(self) -> type[Any] | None:
-        """The class of learning_loop.LearningLoop that models its learning; None: it doesn't learn."""
+        """The class of learning_loop.LearningLoop that models the law's learning; None: no learning."""
         return None
 
     def fastest(self) -> float | None:
-        """The highest mechanical speed at which it learns, rad/s; None if it doesn't learn over a period."""
+        """The highest mechanical speed, rad/s, at which the law learns; None: no learning over a period."""
         return None
 
     def never(self, scenario: str) -> str | None:
-        """The reason why it learns nothing even at the scenario's top speed; None if it learns."""
+        """The reason why the law learns nothing even at the scenario's top speed; None if it learns."""
         top = self.study.scenario[scenario].top_speed
         if self.loop is None or not top:
             return None
@@ -134,15 +134,15 @@ class LawRules(Generic[L]):
         return None
 
     def theorem(self) -> Any:
-        """The conditions of its proof, a space_bounds.Theorem; None if it has none."""
+        """The conditions of the law's proof, a space_bounds.Theorem; None if the law has no proof."""
         return None
 
     def certificate(self) -> Any:
-        """What its rule says of learning, a laws.harmonic.Certificate; None if it says nothing."""
+        """What the law's rule certifies of learning, a laws.harmonic.Certificate; None: nothing."""
         return None
 
     def shortfall(self) -> Remark | None:
-        """Warning of cogging that it can't learn; None if it learns all, or learns nothing."""
+        """Warning of cogging that the law can't learn; None if the law learns all of it, or nothing."""
         return None
 
     def notes(self) -> Iterator[Remark]:
