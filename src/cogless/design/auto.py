@@ -48,7 +48,7 @@ from cogless.study.reading import AStudy, Changes
 AS_TOLD = (1.0, 0)
 CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
 WAVE_CELLS = 10  # cells in a wave of the highest order
-AUTO_CELLS_LEAST, AUTO_CELLS_MOST = 256, 8192
+AUTO_CELLS_LEAST, AUTO_CELLS_MOST = 256, 8192  # cells of a map
 GAIN_HALVINGS = 10  # a gain is halved no more often than this
 LEARNING_TURNS = 10  # turns of the rotor after which the ripple that is left counts
 LOOP_FREQUENCIES = 1000  # frequencies at which a corner's |X| is computed

@@ -504,7 +504,7 @@ def _step(b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, stat
     T, reference, size = loop.period, states, states + 1
     moving = [CURRENT, *range(OMEGA, reference)]
     count = len(moving)
-    rates = np.zeros((count + 1, count + 1))  # of change of what moves, under a constant voltage
+    rates = np.zeros((count + 1, count + 1))  # rates of change of the moving states, under a constant voltage
     if shaft is None:
         rates[1, 0], rates[2, 1] = b, 1.0
     else:

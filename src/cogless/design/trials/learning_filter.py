@@ -44,7 +44,7 @@ from cogless.design.trials.response import (
 JUDGED_TRIALS = 10  # trials after which the error that is left is compared
 SLOWEST_FACTOR = 0.999  # |F| that is accepted where no choice keeps to PROPOSED_FACTOR_MOST
 REMAINS_MOST = 1.01  # |R|: what remains of a frequency's error in the end, over its size without learning
-CUTOFFS_TRIED, GAINS_TRIED = 20, 14
+CUTOFFS_TRIED, GAINS_TRIED = 20, 14  # cut-offs and gains of the grid of choices
 GAIN_RANGE = (0.05, 2.0)  # K_3 times G at zero frequency
 CUTOFF_RANGE = (1e-3, 0.45)  # times the sampling rate
 GRID_STRIDE = 3  # every third frequency is looked at in the grid of choices

@@ -40,7 +40,7 @@ from cogless.design.trials.model import (
 )
 from cogless.design.trials.sensing import Sensor, sensed
 
-QHULL_DIMENSIONS = 6
+QHULL_DIMENSIONS = 6  # largest number of dimensions in which a hull is computed
 FLAT_SHARE = 1e-8  # share of the largest singular value; below it the points do not span a direction
 # share of the largest singular value; below it a direction gets a box instead of being inflated
 THIN_SHARE = 0.1

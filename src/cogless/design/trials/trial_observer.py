@@ -28,7 +28,7 @@ REMAINING_SHARE_MOST = 2 / 3
 QUIET_SHARE = (
     1 / 30
 )  # of the limit of u: most RMS of the sensor's steps; three times this RMS is a tenth of the limit
-NOISE_FREQUENCIES = 200
+NOISE_FREQUENCIES = 200  # frequencies at which the noise of the steps is computed
 POLES = np.arange(0.95, 0.045, -0.01)
 # responses that are tried at each pole, from half the weakest plant's to twice the strongest's
 RESPONSE_COUNT = 25
