@@ -63,11 +63,12 @@ def value_lines(estimate: Estimate) -> list[str]:
 
 
 def standing_out(estimate: Estimate) -> Estimate:
-    """The estimate without the orders that do not stand out of the errors that are told.
+    """The estimate without the orders that do not stand out of their final errors.
 
-    What found them was the fit's own error: delay and kernels of other widths add to it. Cogging may have
-    any order, so it must stand out at the chance of a search of all of them. A sentence names those that may
-    be larger than one that stays. An error of the encoder stays where the file of columns tells another.
+    The search compared orders with the fit's own error; delay and kernels of other widths add to that error.
+    Cogging may have any order, so cogging must stand out at the chance of a search of all orders. A sentence
+    names each dropped order that may be larger than one that stays. An encoder's error stays in any case if
+    the file of columns has an error of this order.
     """
     clear_waves, remarks = dict[str, Any](), []
     for kind, name, factor, unit in estimate.kinds:
