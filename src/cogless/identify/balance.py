@@ -144,7 +144,7 @@ def _error(theta: Array, model: Model) -> Array:
 
 
 def _waves(theta: Array, orders: Iterable[int]) -> Iterator[tuple[int, NDArray[np.complex128]]]:
-    """Yield each order n with e^(j n theta), by products instead of sines. The array is overwritten each time."""
+    """Yield each order n with e^(j n theta), by products instead of sines. Each yield reuses the array."""
     powers = [np.empty(len(theta), np.complex128)]  # 1, 2, 4, ... of e^(j theta)
     np.cos(theta, out=powers[0].real)
     np.sin(theta, out=powers[0].imag)

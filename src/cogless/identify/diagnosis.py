@@ -1,4 +1,4 @@
-"""Find the causes of the speed's ripple: the main one, those of each log and of each order, and what is open."""
+"""Find the causes of the speed's ripple: the main cause, those of each log and order, and what stays open."""
 
 from __future__ import annotations
 

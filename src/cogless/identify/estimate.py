@@ -1,4 +1,4 @@
-"""Estimate a motor from logs: find orders and delay, fit all jointly, drop inseparable columns, give errors."""
+"""Estimate a motor from logs: find orders and delay, fit all, drop inseparable columns, add errors."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Logs:
         self.moving = [log for log in logs if log.dt]
 
     def equations(self, model: Model) -> Equations:
-        """The equations of all logs at the model's delay. A column of the remaining delay is there on demand."""
+        """The equations of all logs at the model's delay, with a column of the remaining delay on demand."""
         return Equations([rows for log in self.logs for rows in rows_of(log, model, self.sensor)])
 
     def solve(self, model: Model, instrument: int = WIDE_INSTRUMENT) -> State:
@@ -128,7 +128,7 @@ class Logs:
     def widths(self, model: Model) -> Model:
         """The model with kernels up to the frequency at which the angle's noise meets the current's.
 
-        The kernels are no wider than the slowest log needs to show order 6 p. `passing` cares for faster orders.
+        The kernels are no wider than the slowest log needs to show order 6 p. `passing` allows faster orders.
         """
         j = abs(self.solve(model).fit.get("j")) or 1e-9
         stretches = {
@@ -194,7 +194,7 @@ class Logs:
         return not self.moving
 
     def settled(self, model: Model, instrument: int) -> State:
-        """Solve, subtract the sensor's error from the angle, and solve again until little of the error is left.
+        """Solve, subtract the sensor's error from the angle, and repeat until little of the error is left.
 
         The error shows as sidebands of the cogging, so the cogging is fitted first.
         """
@@ -219,7 +219,7 @@ class Logs:
         return float(sum(2 * counts[log] * np.log(x) for log, x in equations.noises(instrument).items()))
 
     def delayed(self, model: Model, instrument: int) -> tuple[Model, float]:
-        """The model with the delay of the least residual, and the delay's error, s; 0 and inf: it is not known.
+        """The model with the delay of the least residual, and the delay's error, s; 0 and inf: not known.
 
         A fit with instruments gives the remaining delay. Its error and its size make the delay's error.
         """
@@ -231,7 +231,7 @@ class Logs:
         for _ in range(DELAY_TRIES):
             costs = [self.cost(replace(model, delay=model.delay + k * grid), instrument) for k in (-1, 0, 1)]
             bend, slope = costs[0] - 2 * costs[1] + costs[2], (costs[0] - costs[2]) / 2
-            steps = float(np.argmin(costs)) - 1.0  # On a flank the curve may bend down: take a step of the grid.
+            steps = float(np.argmin(costs)) - 1.0  # On a flank the curve may bend down: move by a whole step.
             if steps == 0.0 and bend > 0:
                 steps = slope / bend
             delay = float(np.clip(model.delay + steps * grid, EARLIEST_DELAY, LONGEST_DELAY))
@@ -264,7 +264,7 @@ def estimate_motor(identification: Identification, logs: Sequence[Log], progress
         model = _start(used, left_out)
     except AdvisedError as error:
         out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
-        causes = [line for line in log_remarks if line.startswith(out)]  # They come before their consequences.
+        causes = [line for line in log_remarks if line.startswith(out)]  # They precede their consequences.
         others = [line for line in log_remarks if line not in causes]
         raise AdvisedError(*causes, *error.mistakes, *others) from None
     if "j" not in model.columns:
@@ -272,7 +272,7 @@ def estimate_motor(identification: Identification, logs: Sequence[Log], progress
     drive = Logs(identification, used, progress)
     progress("orders", 0.0)
     state, unsure = _searched(drive, model)
-    delay = None  # A held current has the same value wherever in the period it is logged: half a period unsure.
+    delay = None  # A held current is the same wherever in its period it is logged: half a period is unsure.
     if np.isfinite(unsure):
         delay = Value(state.model.delay, float(np.hypot(unsure, drive.period / 2)))
     state = _told_apart(drive, state, left_out)
@@ -470,7 +470,7 @@ def _standing_out(drive: Logs, state: State) -> State:
 
 
 def _with_rubbing(drive: Logs, state: State) -> State:
-    """The state with friction that varies with the angle or falls with the speed, where the logs show this."""
+    """The state with friction that varies with the angle or falls with the speed, if the logs show this."""
     model, instrument = state.model, state.instrument
     trial = drive.solve(replace(model, friction=FRICTION_ORDERS), instrument).fit
     friction = tuple(n for n in FRICTION_ORDERS if trial.chance("friction", n) < FEW_CHANCE)
@@ -538,7 +538,7 @@ def taken_out(model: Model, fit: Fit) -> Model:
 
 
 def whole(model: Model, fit: Fit) -> dict[Name, float]:
-    """Each coefficient of a fit; the encoder's error, rad, plus the part already subtracted from the angle."""
+    """Each coefficient of a fit; the encoder's error, rad, with the part that the angle already lacks."""
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
     for order in model.encoder:
         for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):

@@ -21,7 +21,7 @@ SPEED_DIFFERENCE = 0.15  # relative: speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with an earlier speed, above which i_q is the feedback law's answer
 FEEDBACK_LAGS = 6  # lags that are tried, from 0 samples on
 STILL_SHARE, STILL_TIME = 0.25, 0.02  # share of standstill that spoils a log; s without a count: standstill
-SLIPS_LEAST, SLIP_ROWS = 3, 4  # slips of a rotor that sticks and slips; rows over which a slip's speed is taken
+SLIPS_LEAST, SLIP_ROWS = 3, 4  # least slips of a rotor that sticks and slips; rows for the speed of a slip
 FRICTION_DIFFERENCE = 0.2  # relative difference of friction between logs, above which a sentence reports it
 PHASE_DIFFERENCE = 0.35  # rad, difference of the strongest order's phase between logs that is reported
 LOG_PARTS = 12  # parts of a log, each left out by the jackknife of the log's own coefficients
@@ -380,7 +380,7 @@ def _own(
 
 
 def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
-    """Leave out orders n -+ k next to a larger order n: an encoder's error of order k makes such sidebands."""
+    """Leave out orders n -+ k of a larger order n: an encoder's error of order k makes such sidebands."""
     waves, encoder_orders = {wave.order: wave for wave in cogging}, {wave.order for wave in estimate.encoder}
     out: set[int] = set()
     sentences: list[str] = []

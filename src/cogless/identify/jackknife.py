@@ -27,7 +27,8 @@ from cogless.results.trace import Array
 
 BLOCK_ROWS_LEAST = 6  # a block has no fewer
 LOG_QUARTERS = 4  # parts of a log, and of its speeds, that are compared with each other
-MOTION_STATES = 2 * LOG_QUARTERS  # states of a log's motion: a quarter of the speeds and the acceleration's sign
+# states of a log's motion, each a quarter of the speeds and a sign of the acceleration
+MOTION_STATES = 2 * LOG_QUARTERS
 WEIGHING_ROUNDS = 4
 SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which it counts as 0
 WELL_POSED = 1e9  # largest condition of scaled equations that are inverted
@@ -117,7 +118,7 @@ class Fit:
         return inflation(self.normal)
 
     def prediction(self, rows: Rows, without: str | None = None) -> Array:
-        """i_q that the coefficients give for these rows, A. `without`: a log that the coefficients leave out."""
+        """i_q that the coefficients give for these rows, A. `without`: log left out of the coefficients."""
         values = self.values
         if without is not None:
             others = [(matrix, vector) for log, matrix, vector in self.equations if log != without]
@@ -197,7 +198,7 @@ class Equations:
 
     @cached_property
     def _late(self) -> dict[int, Array]:
-        """Instrument of the delay, by id of the rows: the current's derivative, fitted by angle and slow changes.
+        """Instrument of the delay, by id of the rows: the current's derivative by angle and slow course.
 
         The instrument has no noise that goes round the control loop.
         """
@@ -254,7 +255,7 @@ class Equations:
 
     @cached_property
     def _stacked(self) -> tuple[Array, Array]:
-        """Matrices and vectors of all blocks, less the angle's noise, with the instrument in the delay's row."""
+        """Matrices and vectors of all blocks, less the angle's noise; the delay's row has its instrument."""
         matrices = np.array([block.matrix - np.diag(block.noise) for block in self.blocks])
         vectors = np.array([block.vector for block in self.blocks])
         if ("delay",) in self.names:

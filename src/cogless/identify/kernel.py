@@ -54,7 +54,7 @@ def _derivatives(x: Array, width: float) -> tuple[Array, Array]:
 
 
 def shifted(x: Array, rows: float) -> Array:
-    """The signal `rows` rows after each row, by a polynomial through SHIFT_ROWS rows; the ends are repeated."""
+    """The signal `rows` rows after each row, by a polynomial through SHIFT_ROWS rows; end values repeat."""
     if not rows:
         return x
     first = int(np.floor(rows)) - SHIFT_ROWS // 2 + 1

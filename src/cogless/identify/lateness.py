@@ -103,7 +103,7 @@ def lateness(
 
 
 def _part(profiles: Sequence[Profile], delay: Value) -> Value:
-    """The drive's part of the added dead time by all logs; the error is larger if logs contradict each other."""
+    """The drive's part of the added dead time by all logs; the error is larger if the logs disagree."""
 
     def parts_at(late: float) -> tuple[Array, Array]:
         pairs = [
@@ -170,7 +170,7 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
 
 
 def _filters(trace: Trace, step: int) -> Array:
-    """The filters of a trace's every step-th row: a row for each tap, a column for each delay of the current."""
+    """The filters of a trace's every step-th row: a row for each tap, a column for each of the delays."""
     columns = _motion(np.unwrap(trace["theta_measured"])[::step], step * trace.period)
     current = trace["i_q"]
     late = np.arange(LATE_ROWS_MOST * step + 1)
@@ -184,7 +184,7 @@ def _filters(trace: Trace, step: int) -> Array:
 
 
 def _motion(theta: Array, dt: float) -> Array:
-    """Columns for each row: the last ANGLE_ROWS changes of the speed, and the speed before the last change."""
+    """Columns for each row: the last ANGLE_ROWS changes of the speed, and the speed a row before."""
     omega = np.diff(theta) / dt
     changes = np.diff(omega)
     rows = np.arange(ANGLE_ROWS - 1, len(changes))
