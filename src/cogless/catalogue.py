@@ -14,7 +14,7 @@ from cogless.control_library import C_LAWS
 from cogless.files import shipped
 from cogless.lines import print_text
 
-TRIAL_LAWS, OWN_LAWS = "trial", "own"  # files of laws that are listed after those of laws.def
+TRIAL_LAWS, OWN_LAWS = "trial", "own"  # files of laws that are not listed in the order of laws.def
 ANY_SENSOR = "absolute"  # key of a part: a sensor whose bits the user gives
 LAW = re.compile(r"law: Literal\['(.+?)'\]")
 

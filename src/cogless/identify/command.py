@@ -28,7 +28,7 @@ class Identified:
 
 
 def identified(logs: Sequence[Path], columns: Path, progress: Progress) -> Identified:
-    """Identify a motor. StudyError: a mistake in a file, or logs that tell nothing."""
+    """Identify a motor. StudyError: a mistake in a file, or logs from which nothing can be identified."""
     if not columns.is_file():
         raise StudyError(f"{columns}: no such file: expected a TOML file that names the columns")
     identification = config.load(columns)
@@ -37,7 +37,7 @@ def identified(logs: Sequence[Path], columns: Path, progress: Progress) -> Ident
 
 
 def identified_logs(identification: Identification, logs: Sequence[Log], progress: Progress) -> Identified:
-    """Identify a motor from logs that are read. StudyError: logs that tell nothing."""
+    """Identify a motor from logs that are already read. StudyError: nothing can be identified from them."""
     estimate = estimate_motor(identification, list(logs), progress)
     estimate, traces = refined(estimate, progress)
     estimate = standing_out(estimate)
@@ -46,7 +46,7 @@ def identified_logs(identification: Identification, logs: Sequence[Log], progres
 
 
 def value_lines(estimate: Estimate) -> list[str]:
-    """What was found, a line each."""
+    """Lines of all values and waves, with their errors."""
     texts = []
     for key, (description, unit, name, torque) in write.VALUE_NAMES.items():
         if key in estimate.values:

@@ -90,7 +90,7 @@ CURE_LOGS = {  # kinds of log that separate a column from the other columns
 
 
 class Logs:
-    """The logs of one drive and what is known of it: builds and solves their equations."""
+    """The logs of one drive, with the drive's description. Builds and solves the logs' equations."""
 
     def __init__(self, identification: Identification, logs: Sequence[Log], progress: Progress) -> None:
         rates = identification.drive.rates
@@ -370,7 +370,7 @@ def _biases(
 def _start(logs: Sequence[Log], left_out: list[str]) -> Model:
     """A model of the columns that the logs together can identify; `left_out` gets advice on the others.
 
-    If the logs can't tell the inertia, the model is for held angles alone.
+    If the logs don't show the inertia, the model is for hold maps alone.
     """
     hold_maps, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
     if not moving:

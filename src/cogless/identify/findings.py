@@ -37,7 +37,7 @@ LEAD_CORRELATION = 0.2
 
 
 def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
-    """The logs that can be used, and sentences on the others and on logs that mislead."""
+    """The logs that can be used, and sentences on unusable logs and on logs that mislead."""
     used: list[Log] = []
     sentences: list[str] = []
     offsets = offsets_of(logs)
@@ -407,7 +407,7 @@ def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[t
 
 
 def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
-    """Leave out what the findings forbid, and say what stays open."""
+    """The estimate without wrong or inseparable values; `left_out` gets a sentence on each."""
     values, cogging = dict(estimate.values), estimate.cogging
     poles = estimate.identification.motor.pole_pairs
     if "j" in values and not values["j"].value > 2 * values["j"].error:

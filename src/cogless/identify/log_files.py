@@ -54,7 +54,7 @@ def readable(path: Path, kind: str) -> Iterator[None]:
 
 
 def _line(error: Exception, path: Path) -> str:
-    """The first line of an exception's text, without the file's name; with the type if the text is bare."""
+    """The first line of an exception's text, without the file's name; with the type if the text needs it."""
     if isinstance(error, OSError):
         return printable(reason(error).replace(f"{path}: ", ""))
     line = first_line(error).strip(" :.")

@@ -118,7 +118,7 @@ def _log_signals(trace: Trace) -> Trace:
 
 
 def _rate(estimate: Estimate, log: Log) -> float | None:
-    """The rate of a trace's rows, Hz: a multiple of the log's that divides the current loop's; None: none."""
+    """The rate of a trace's rows, Hz, a multiple of the log's that divides the current loop's, or None."""
     loop = estimate.identification.drive.rates.current_loop
     every = max(1, round(loop * log.dt))
     if abs(loop / every * log.dt - 1) >= RATE_DIFFERENCE:

@@ -1,7 +1,7 @@
 """Waves of a rotor's motion over its angle, by joint least squares, and the orders that can be seen.
 
-The speed is the angle's difference between two rows. A wave of order n of the angle appears in it as the
-difference of exp(j n theta) between the same rows. So nothing is lost between the rows. The steps of the
+The speed is the angle's difference between two rows. A wave of order n of the angle appears in the speed as
+the difference of exp(j n theta) between both rows. So nothing is lost between the rows. The steps of the
 angle leave noise in the speed, which counts as measurement. Its spectrum follows from the fitted motion.
 """
 
@@ -28,7 +28,8 @@ from cogless.units import TURN
 MOTION_ORDER_HIGHEST = 1000  # highest order that is looked for
 WAVES_MOST = 60  # orders of one part
 ANGLE_CELLS = 8192  # cells of a turn in which the residual is summed, eight for each wave of order 1000
-NEW_MOST, NEW_SHARE = 4, 0.25  # most new orders of a round; their least power over the strongest's (leakage)
+# most new orders of a round, and their least power over the strongest order's, which leaks less than this
+NEW_MOST, NEW_SHARE = 4, 0.25
 FLOOR_ORDERS = 41  # neighbouring orders whose median is the floor of one
 NEAR_ORDERS = 5  # orders over which a power by the angle's steps counts, since its order is not exact
 STEPS_RATIO = 4.0  # least power of an order over the power that the angle's steps have there
@@ -155,8 +156,8 @@ def standing_waves(
     """The waves that stand out of an angle's motion, at a false-alarm rate of 1 % for the whole search.
 
     `measured`: the measured angle, which is `theta` with the sensor's error. `step`: of the measured angle,
-    rad. `own`: orders of the motor. The search also covers those above half the rows' rate that the rows do
-    not confuse with another order.
+    rad. `own`: orders of the motor. The search includes such an order above half the rows' rate,
+    unless the rows confuse the order with another one.
     """
     turns = abs(theta[-1] - theta[0]) / TURN
     speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))

@@ -24,7 +24,7 @@ WAVE_POINTS = 8  # cells for each wave of the highest order
 
 
 def motor_identity(motor: StarMotor) -> int:
-    """Identity of a motor, 32 bits: a CRC-32 over all its parameters (control/SPEC.md)."""
+    """Identity of a motor, 32 bits: a CRC-32 over all of the motor's parameters (control/SPEC.md)."""
     data = struct.pack("<II4d", motor.pole_pairs, motor.phases, motor.R_s, motor.L_d, motor.L_q, motor.psi_f)
     for flux in motor.flux_harmonics:
         data += struct.pack("<I4d", flux.order, flux.d, flux.q, flux.d_phase, flux.q_phase)
@@ -89,7 +89,7 @@ def _over_angle(a: Real, b: Real, orders: Real) -> dict[str, Any]:
 
 
 def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:
-    """The map that a run has learned, as firmware stores it: clipped to the limits, with a motor identity.
+    """The map that a run has learned, as firmware stores it: within the limits, with the motor's identity.
 
     None if there is no map to store. `motion`: identity of a trial's reference.
     """
