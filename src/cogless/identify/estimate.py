@@ -249,7 +249,7 @@ class Logs:
 
 
 def estimate_motor(identification: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
-    """Estimate all that can be known from the logs. StudyError: nothing can be."""
+    """Estimate all that can be known from the logs. StudyError: nothing can be known."""
     remarks = [remark for log in logs for remark in log.remarks]
     used, log_remarks = findings.usable(identification, logs)
     remarks += log_remarks
@@ -538,7 +538,7 @@ def taken_out(model: Model, fit: Fit) -> Model:
 
 
 def whole(model: Model, fit: Fit) -> dict[Name, float]:
-    """Each coefficient of a fit; the encoder's error, rad, with the part that the angle already lacks."""
+    """Each coefficient of a fit; the encoder's error, rad, plus the part already taken out of the angle."""
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
     for order in model.encoder:
         for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):
