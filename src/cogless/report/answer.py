@@ -204,7 +204,7 @@ def _ripple(results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnS
     start, compared = float(trace.time[0]) + count * step, {run.controller for run in pair.runs}
 
     def rows_of(since: float, until: float) -> slice:
-        """The curve's points from one time to another, s."""
+        """The rows of the curve from one time to another, s."""
         first, last = (max(0, math.floor((time - start) / step)) for time in (since, until))
         return slice(first, last + 1)
 

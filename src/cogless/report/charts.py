@@ -66,7 +66,7 @@ class Band(Series):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Curve(Series):
-    """A series of many values. `text`: its number in words; `details`: values on the group's finer grids."""
+    """A series of many values. `text`: its value as text; `details`: values on the group's finer grids."""
 
     values: Array = field(metadata=PACKED)
     text: str | None = None

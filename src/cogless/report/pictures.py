@@ -1,6 +1,7 @@
 """Still pictures as PNG files, drawn from the page's charts.
 
-Of speed: waveforms, order spectra, learned maps. Of trials: RMS over trials, chosen trials, certificates.
+A speed scenario has waveforms, order spectra, learned maps, and a revolution before and after. A trial
+scenario has RMS over trials, chosen trials, certificates.
 """
 
 from __future__ import annotations

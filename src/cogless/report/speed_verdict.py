@@ -329,7 +329,7 @@ class _Basis:
 
     @property
     def unjudged(self) -> bool:
-        """Whether every line that shows the rotor was dropped, so that none is left to judge by."""
+        """Whether lines were dropped, and no line of the rotor's speed or angle is left to judge by."""
         shows = self.line is not None and (self.line.signal or "").startswith(("omega", "theta"))
         return len(self.lines) < len(self.all_lines) and not shows
 

@@ -405,9 +405,9 @@ def _are(names: Sequence[str]) -> str:
 
 
 def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None:
-    """Why learning may not help at some corner in this scenario, by the models; None if it helps at each.
+    """A reason, by the models, why learning may not help at some corner in this scenario; None without one.
 
-    The words give the predicted error, and then the run's.
+    A reason with a predicted error also has the run's error.
     """
     prediction, over_limit = design.prediction, design.over_limit
     if over_limit is not None and design.limit is not None:

@@ -109,7 +109,7 @@ def _chart(
 
 TRIAL_PAGE_POINTS = 900_000  # points of all waveforms of a page, at 2.7 bytes per point
 TRIAL_POINTS_LEAST = 200  # points of one waveform
-MOST_PHASES = 24  # phases with waveforms
+MOST_PHASES = 24  # largest number of phases with waveforms
 TRIAL_POINTS = 3000  # largest number of points of the answer's curve over a trial
 
 # Title, signal, reference, quantity.

@@ -54,7 +54,7 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
 
 SPEED_PAGE_POINTS = 560_000  # points of all waveforms of a page, at 2.7 bytes per point
 WAVEFORM_POINTS_MOST, WAVEFORM_POINTS_LEAST = 20_000, 1_500  # points of one waveform
-POINTS_FINE, MOST_FINE = 200_000, 4_000  # points of all close-ups of a page, of one waveform in one
+POINTS_FINE, MOST_FINE = 200_000, 4_000  # points of a page's close-ups in all; most of one waveform
 TURNS_READABLE = 2  # revolutions in one plot
 FAULT_BUTTONS = 6  # largest number of buttons for faults
 FAULTS_FINE = 2  # largest number of faults with finer points

@@ -4,6 +4,8 @@ A new set is first written to a folder within. Then each file's name becomes a l
 these links lead through one link, SET. A single rename lets SET lead to the new files. At last the new files
 replace the links, so links exist for a moment only. If a run is killed, the next run finishes or undoes this.
 
+On a file system without links, the new files replace the old ones one after the other.
+
 The folder may be from elsewhere: the directories in it must be real ones, so that no link leads out of it.
 """
 

@@ -33,7 +33,7 @@ Value = float | None | list[float]
 # Signals with a target. Any other signal should return to its mean from before the event.
 ERROR_SIGNALS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
-REFERENCE_SPREAD_MOST = 1e-9  # share of the speed, by which rounding varies a constant reference
+REFERENCE_SPREAD_MOST = 1e-9  # share of the speed, by which rounding may vary a constant reference
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
@@ -284,7 +284,7 @@ def chattering(m: MetricInput) -> float:
 def carriage_ripple(m: MetricInput) -> float:
     """Rms of the electrical orders in CARRIAGE_ORDERS of a carriage's position, about its mean motion, m.
 
-    The mean motion is the least-squares straight line over the window; its angle is the angle of the orders.
+    The mean motion is the least-squares straight line over the window. Orders are counted along this line.
     NaN if the motor turned too little. StudyError: the reference changes its speed in the window.
     """
     reference = m.part("omega_ref", m.rows)
