@@ -329,7 +329,7 @@ class _Basis:
 
     @property
     def unjudged(self) -> bool:
-        """Whether lines were dropped, and no line of the rotor's speed or angle is left to judge by."""
+        """Whether lines were dropped, and the line to judge by, if any, doesn't show the rotor's motion."""
         shows = self.line is not None and (self.line.signal or "").startswith(("omega", "theta"))
         return len(self.lines) < len(self.all_lines) and not shows
 
