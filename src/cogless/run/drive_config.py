@@ -330,8 +330,7 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
 
 
 def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
-    """The engine's description of a user's law, without the Python object, which the engine gets separately.
-    """
+    """The engine's description of a user's law. The engine gets a Python object separately."""
     law = study.controller[name]
     return {**law.own_code(study.source.folder, asdict(known_drive(study))), **_any_law(law)}
 

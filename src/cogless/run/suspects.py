@@ -220,8 +220,7 @@ def _friction(study: Study, run: Run) -> Changes:
 
 
 def _limit(study: Study, run: Run) -> Changes:
-    """The changes to higher limits of current and voltage; empty if the run's second half reached no limit.
-    """
+    """The changes to higher limits of current and voltage; empty if the run's second half reached none."""
     if "status" not in run.trace or not len(run.trace):
         return {}
     status = run.trace.part("status", slice(len(run.trace) // 2, None)).astype(int)
