@@ -148,7 +148,7 @@ class Saturation(Table):
         return {name: _curve(*table.points()) for name, table in names.items() if table is not None}
 
     def check(self, L_d: float, L_q: float) -> None:
-        """Refuse tables whose slope at zero current isn't L_d or L_q, and tables with a negative inductance."""
+        """Refuse tables whose slope at zero current isn't L_d or L_q, or with a negative inductance."""
         for axis, table, L in (("d", self.d, L_d), ("q", self.q, L_q)):
             if table is None:
                 continue
@@ -184,7 +184,7 @@ class Saturation(Table):
 
     @property
     def smallest(self) -> float:
-        """Smallest differential inductance at the points of the d and q tables, H; infinite without tables."""
+        """Smallest differential inductance at points of the d and q tables, H; infinite without both."""
         curves = [_curve(*table.points()) for table in (self.d, self.q) if table is not None]
         return min((min(curve["slope"]) for curve in curves), default=math.inf)
 
