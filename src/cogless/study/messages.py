@@ -157,8 +157,7 @@ def _expected(kind: str, context: dict[str, Any], message: str) -> str:
 
 
 def _existing(location: Key, tables: Any) -> Key:
-    """The part of pydantic's location that is a key of the file, without names of union members and the like.
-    """
+    """The part of pydantic's location that is a key of the file; names of union members are left out."""
     key: list[str | int] = []
     for index, part in enumerate(location):
         nested = tuple(str(part).split("."))  # the file may write a dotted key of [vary] as nested tables
