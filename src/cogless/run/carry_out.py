@@ -1,4 +1,4 @@
-"""Carry out planned runs on the engine: one run alone, or several similar runs in step."""
+"""Carry out planned runs on the engine: one run alone, or several runs that are alike, in step."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ from cogless.units import TURN
 
 SPEED_MARGIN = 1.5  # largest plausible speed / no-load speed
 STUCK_ANGLE = 0.5  # rad, stuck_angle with an ideal sensor
-STUCK_STEPS = 4.0  # least stuck_angle in steps; the monitor doubts an angle at a quarter of stuck_angle
+STUCK_STEPS = 4.0  # least stuck_angle in sensor steps: a quarter, from which an angle is doubted, is a step
 STUCK_TIME = 0.1  # s, least stuck_time
 STUCK_TORQUE = 0.1  # share of the largest torque: a load that leaves less counts as blocking the rotor
 OBSERVER_PEAK = (

@@ -247,7 +247,7 @@ class _Tries:
         """The changes, each placed where it takes effect: in the study, or in the scenario's override.
 
         A key that the override sets is changed there. `is_assumed`: whether the controller knows of the
-        changes. If not, changes of motor, drive and mechanics are placed in the override, too.
+        changes. If not, changes of motor, drive and mechanics are placed only in the override.
         """
         scenario, override = self._run.scenario, self._override
         over = {tuple(map(str, split(key))) for key in override}

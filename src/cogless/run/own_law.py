@@ -70,7 +70,7 @@ def known_drive(study: AnyStudy) -> KnownDrive:
 
 RETURNS = "step() returns i_q_ref or (i_d_ref, i_q_ref)"
 LOADING = threading.RLock()  # guards sys.path and sys.modules, which all threads share
-NOT_A_NUMBER = "std::bad_cast"  # the engine's message if step() returned something other than numbers
+NOT_A_NUMBER = "std::bad_cast"  # the engine's message about a returned value that isn't as RETURNS says
 
 
 def make_law(study: AnyStudy, name: str) -> Any | None:

@@ -187,7 +187,7 @@ class Plan:
     """A run that is ready to start.
 
     `engine`: the engine's Python module. `description`: the run as the engine reads it. `learned`: entries of
-    the law's map at the start, by channel; None for an empty map. `design`: gains of a law of trials, else
+    the law's map at the start, by channel; None: nothing is loaded. `design`: gains of a law of trials, else
     None.
     """
 
@@ -305,8 +305,8 @@ def learning_off_plan(study: Study, scenario: str, controller: str) -> Plan | No
 def feedback_plan(study: TrialStudy, planned: Plan) -> Plan | None:
     """Plan a run of the same controller without learning, with one trial in each phase.
 
-    Where trials differ at random, the plan has all trials. None: the controller's design has no learning, or
-    the scenario has faults, which happen at times of the whole run.
+    Where trials differ at random, the plan has all trials. None: the controller doesn't learn by a
+    design, or the scenario has faults, which happen at times of the whole run.
     """
     scenario, design = planned.scenario, planned.design
     if design is None or study.scenario[scenario].faults:

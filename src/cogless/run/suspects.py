@@ -69,7 +69,7 @@ def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
 
 
 def _steps(study: Study) -> Changes:
-    """The change to the finest position sensor of the study's kind; from Hall sensors to an ideal sensor."""
+    """The change to the finest sensor of the study's kind and delay; from Hall sensors to an ideal sensor."""
     sensor = study.drive.position_sensor
     if isinstance(sensor, Hall):
         return {SENSOR: {"kind": "ideal"}}
@@ -193,7 +193,8 @@ def _disturbance(study: Study, scenario: str) -> Changes:
 def _friction(study: Study, run: Run) -> Changes:
     """The changes that remove sliding friction.
 
-    Empty if friction is constant: it depends on neither angle nor speed, and the rotor never rests.
+    Empty if friction is constant: it depends on neither angle nor speed, the rotor never rests, and there
+    is no load side.
     """
     body = study.mechanics
     changes = body.stribeck_speed or body.friction_harmonics or body.friction_table or body.load_side

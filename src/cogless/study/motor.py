@@ -359,7 +359,7 @@ class StarMotor:
     phases: int = 3
     torque_ripple: tuple[TorqueRipple, ...] = ()
     saturation: Saturation | None = None  # simulated motor only; L_d, L_q and psi_f hold at zero current
-    temperature: MotorTemperature | None = None  # simulated motor only; R_s and psi_f hold at its reference
+    temperature: MotorTemperature | None = None  # simulated motor only; R_s and psi_f hold at its `reference`
 
     @property
     def power_factor(self) -> float:

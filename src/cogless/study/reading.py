@@ -1,6 +1,6 @@
 """Find and read a study, by file or shipped name, with its datasheet, changes and scenario overrides.
 
-Of a variant of a study, only the changed tables are validated; all others are taken over. A `Remark` is a
+Of a variant of a study, only the changed parts are validated; all others are taken over. A `Remark` is a
 sentence on a study, with the changes that it advises: the tests apply each change and run the study again.
 """
 
@@ -154,7 +154,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 def changed(study: AStudy, changes: Changes) -> AStudy:
     """A copy of the study with other values at some dotted keys; `changes` as in `load`.
 
-    Only the tables that the changes touch are validated again.
+    Only the parts that the changes touch are validated again.
     """
     tables = _overridden(study.source, changes)
     of_its_kind = checked(_replaced(study.source, tables, changes), study)

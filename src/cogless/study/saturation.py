@@ -56,7 +56,7 @@ class CurrentFile(Table):
         return self.model_copy(update={"current": tuple(column.along), column.name: tuple(column.value)})
 
     def _check(self, value: tuple[float, ...], name: str) -> None:
-        """Refuse currents that do not rise or lack zero, too few or many values, flux at zero current."""
+        """Refuse currents that do not rise or lack zero, another number of values, flux at zero current."""
         current = self.current
         if len(current) < 3 or any(b <= a for a, b in pairwise(current)) or 0.0 not in current:
             raise invalid("expected three or more values that rise, zero among them", self._named("current"))

@@ -227,7 +227,7 @@ class Base(Table):
     TRIAL_FEEDBACK: ClassVar[str] = ""  # key of the feedback gains, for a law with such a single gain
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ()  # keys that a rule gives, for a law without a single gain
     BY_MATRIX: ClassVar[bool] = False  # whether it learns from trials by a matrix of all pairs of samples
-    # error text for a law that can't start from a map: what the study should have in place of the map
+    # text after "expected" in the error for a law that has no map to start from
     NEEDS: ClassVar[str] = "none, since the memory is over time"
     NO_C_FORM: ClassVar[str] = ""  # why the law can't be exported as C; "": it can
     NO_DRIVE: ClassVar[bool] = False  # whether the exported C has no drive around the law
@@ -422,7 +422,7 @@ class Base(Table):
 
     @property
     def linear(self) -> tuple[float, float] | None:
-        """kp [A*s/rad] and ki [A/rad] of the speed feedback without learning; None if no keys give them."""
+        """kp [A*s/rad] and ki [A/rad] of the speed feedback without learning; None if keys don't fix them."""
         return None
 
     @property
