@@ -360,7 +360,7 @@ class StudyBase(Table):
         return value
 
     def take(self, make: Callable[[Self, K], T], of: K, like: Self) -> None:
-        """Let `once` return the value of the study `like` here; only for a value that both studies must share."""
+        """Let `once` return the value of the study `like` here. Both studies must have the same value."""
         self._made[make, of] = like.once(make, of)
 
     @property

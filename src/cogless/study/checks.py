@@ -186,7 +186,7 @@ def slots(study: Study) -> None:
 
 
 def sensor_side(study: Study | TrialStudy) -> None:
-    """Check, for a sensor on the load's side, that there is one and that the gear's ratio is a whole number."""
+    """Check that a load side exists for a sensor on it, and that the gear's ratio is a whole number."""
     if study.drive is None or study.mechanics is None or study.drive.position_sensor.side == "motor":
         return
     key = ("drive", "position_sensor", "side")
@@ -198,7 +198,7 @@ def sensor_side(study: Study | TrialStudy) -> None:
 
 
 def accelerometer(study: Study) -> None:
-    """Check that the trace is fine enough for an accelerometer, and that each run has a log's name of its own.
+    """Check that the trace is fine enough for an accelerometer, and that no two runs have equal log names.
 
     A log must begin in the first half of the shortest run.
     """

@@ -308,7 +308,7 @@ class Mechanics(Mass):
 
     @property
     def stiff(self) -> Mechanics:
-        """The mechanics seen from the motor with rigid shaft and gear: sums of inertia and of friction."""
+        """The mechanics for the motor, with rigid shaft and gear: sums of inertia and sliding friction."""
         side = self.load_side
         if side is None:
             return self
