@@ -163,7 +163,7 @@ MOTOR = (
 CURRENT_LIMIT = "drive.current_loop.current_limit"
 YOURS = "Your motor"
 FIELD_WIDTH = 100.0  # ratio of an input field's limits to the slider's ends
-POLE_PAIRS_MOST, ORDER_MOST = 40.0, 400.0  # the slider's upper ends
+POLE_PAIRS_MOST, ORDER_MOST = 40.0, 400.0  # the upper ends of the two sliders
 
 
 def candidates(study: Study, for_own_motor: bool = False) -> Iterator[Candidate]:

@@ -9,7 +9,7 @@ from cogless.live.keys import Key
 from cogless.starter.motor_rules import cogging_orders
 from cogless.starter.part_catalogue import Part, parts
 
-OWN_CLASS = "own"  # stands for any motor, so it has no typical values
+OWN_CLASS = "own"  # stands for any motor; a page doesn't offer it
 
 
 def motor_classes(keys: Sequence[Key]) -> list[dict[str, Any]]:

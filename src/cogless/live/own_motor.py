@@ -163,7 +163,7 @@ def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> Pa
 
 
 def _turned(base: PackedRuns, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, PackedRuns]]:
-    """The key with the range of pole pairs that the study accepts without a gap, and by number the runs."""
+    """The key with the pole pairs that the study accepts without a gap, and by number the descriptions."""
     start, turned = round(pairs.start), {round(pairs.start): base}
     for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
         for n in numbers:
