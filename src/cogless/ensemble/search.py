@@ -40,8 +40,8 @@ def opened(path: Path, identity: Mapping[str, Any], start: Settings, seed: int) 
 
 
 class Search:
-    """A search that begins at `start`, or goes on from its journal. The journal has, for each settings that
-    were tried, the parameters, the value, and the attributes that Optuna keeps."""
+    """A search that begins at `start`, or goes on from its journal. The journal has the parameters and value
+    of each trial, and the attributes that Optuna keeps."""
 
     def __init__(self, journal: Journal, start: Settings, seed: int) -> None:
         import optuna

@@ -30,7 +30,7 @@ from cogless.study.metric import result_name
 from cogless.study.reading import split
 from cogless.study.table import perhaps
 
-DECADE_RATIO = 10.0  # ends of a range from which on it is searched by ratios, high over low
+DECADE_RATIO = 10.0  # a range is searched by ratios if high / low is at least this
 FRESH_VARIANTS = 4  # variants of the check, per variant of the search
 NOMINAL_SEEDS = 16  # variants that check the nominal plant; only their noise differs
 TuneProgress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value

@@ -111,10 +111,7 @@ class Reader:
         self.unit = self._unit()
 
     def range(self, ratio: bool = False) -> tuple[float, float]:
-        """The lower and the upper limit: two given ones, or the study's value minus and plus a deviation.
-
-        `ratio`: divided and multiplied by a factor instead.
-        """
+        """Two limits: as given, or the study's value with a deviation to both sides (`ratio`: a factor)."""
         if isinstance(self.given, tuple):
             low, high = (self._number(value) for value in self.given)
         else:
