@@ -33,6 +33,9 @@ from cogless.study.reading import checked
 T = TypeVar("T")
 MOST_LOSSES = 3  # a task is given up when this many of its workers have died
 TASKS_AHEAD = 2  # tasks that are sent per worker: one runs, one waits
+EXECUTOR_BROKEN = (
+    "a worker process of the caller's executor died: expected a new executor; the same call goes on from here"
+)
 END_PROCESS = os._exit  # for a worker that ends itself; for tasks os._exit is blocked
 CLUSTER_PATIENCE = 10  # s, within which a cluster must answer
 
@@ -185,7 +188,7 @@ def _use(
 ) -> None:
     """Run the waiting tasks until none is left or the executor is broken; lost tasks are waiting again."""
     running: dict[Future[T], int] = {}
-    broken = False
+    broken = sent = False
     while running or (waiting and not broken):
         most = TASKS_AHEAD * max(1, workers.count())
         while waiting and not broken and len(running) < (1 if losses[waiting[0]] else most):
@@ -195,7 +198,10 @@ def _use(
             try:
                 running[workers.executor.submit(work, *arguments(waiting[0]))] = waiting[0]
                 waiting.popleft()
+                sent = True
             except BrokenProcessPool:
+                if not sent:  # a caller's executor, which renewing does not replace
+                    raise StudyError(EXECUTOR_BROKEN) from None
                 broken = True
         done = wait(running, return_when=FIRST_COMPLETED).done
         for future in [future for future in running if future in done]:  # in the order that they were sent
