@@ -190,7 +190,7 @@ def held_phase(correction: Orders) -> Numbers:
 
 
 def _checked_share(correction: Correction) -> tuple[float, float]:
-    """Share that the table leaves; largest shift, rad. StudyError: the shift wraps, or an order is too high."""
+    """Share that the table leaves; largest shift, rad. StudyError: a shift wraps, or an order is too high."""
     u = math.tau / TABLE_POINTS * np.arange(TABLE_POINTS)
     before = after = largest = 0.0
     for direction in DIRECTIONS:

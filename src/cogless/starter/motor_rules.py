@@ -1,6 +1,6 @@
 """Rules of scale: unknown figures of a motor, from its known figures and a typical motor of its class.
 
-If all lengths of a motor are multiplied by l, its torque T grows as l^3, and these grow with it:
+If all lengths of a motor are multiplied by l, its torque T grows as l^3, and these change with it:
 
     copper loss at its rated torque   as its surface l^2:  R / K_t^2  as  T^(-4/3)
     electrical time constant L / R    as l^2:              T^(2/3)
