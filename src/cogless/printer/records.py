@@ -74,7 +74,7 @@ def shifted_orders(psi: Orders, correction: Orders) -> dict[int, complex]:
 
 
 def coupling(psi: Orders, correction: Orders) -> dict[int, float]:
-    """By order, rad: how much of it may come from products of two orders. The model leaves these out.
+    """By order, rad: the largest error that products of two orders may cause.
 
     psi of order m is at the rotor's angle, which swings by order k. This gives m psi[m] swing[k] / 2 at the
     orders m +- k. At a resonance the swing is not the commanded one, so the whole product counts as an error.
