@@ -24,7 +24,7 @@ def mean_between(rows: list[list[float]], part: float) -> list[float]:
 
 @dataclass(kw_only=True)
 class Memory:
-    """What both kinds are told. `real` is the number type in which an angle is divided by a revolution."""
+    """What both kinds share. `real` is the number type in which an angle is divided by a revolution."""
 
     cells: int
     limit: list[float]  # by channel
@@ -51,7 +51,7 @@ class Memory:
 
     @property
     def lost(self) -> list[float]:
-        """The part of the mean that a period takes away, beside forgetting. At most 15/16 is recalled."""
+        """What a period takes away of the mean in addition to forgetting. At most 15/16 of it is recalled."""
         beyond = max(0.0, self.forgetting - 15 / 16)
         return [beyond * mean * (c < self.centred) for c, mean in enumerate(self.mean)]
 
@@ -60,7 +60,7 @@ class Memory:
         self.mean = self.clipped([float(np.average(column, weights=weights)) for column in columns])
 
     def place(self, theta: float) -> int:
-        """In the period, of which 2^32 are one; of the turn that the rotor is in, found by the shorter way
+        """Place in the period, in 2^-32 periods. The turn that the rotor is in is found by the shorter way
         round."""
         x = self.real(theta) * (self.real(1) / self.real(2 * math.pi))
         rest = x - self.real(int(x))
@@ -110,14 +110,14 @@ class AngleMemory(Memory):
         self.map = [[0.0] * len(self.limit) for _ in range(self.cells)]
 
     def counted(self, place: int) -> int:
-        """On the way back, from the last cell instead of the first."""
+        """The place, which on the way back counts from the last cell instead of the first."""
         return (-place - WHOLE // self.cells if self.back else place) % WHOLE
 
     def cell(self, n: int) -> list[float]:
         return self.map[(self.cells - 1 - n if self.back else n) % self.cells]
 
     def ago(self, m: int) -> list[list[float]]:
-        """From m cells before the last to m + 1 after it."""
+        """The values of one period ago, from m cells before the last cell to m + 1 after it."""
         behind = [self.behind[n] for n in range(self.at - m, self.at + 1)]
         return [*behind, *(self.cell(n) for n in range(self.at + 1, self.at + m + 2))]
 
@@ -246,7 +246,7 @@ class DelayLine(Memory):
         return self.p_t + self.ts * (1.0 - (dx + self.k_pp * error) / slope)
 
     def moves_to(self, then: int) -> int:
-        """How far it is to that sample, within the line; goes there, or as far as it may."""
+        """Move `self.then` towards a sample within the line, by at most MOVES; returns the whole distance."""
         oldest, newest = max(0, len(self.rest) - self.length), len(self.rest) - 1
         way = min(max(then, oldest), newest) - self.then
         self.then += min(max(way, -MOVES), MOVES)
