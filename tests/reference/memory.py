@@ -35,15 +35,15 @@ class Memory:
     forgetting: float = 1.0
     ratio: int = 1
     real: type = float
-    revolution: tuple[int, int] = (0, 0)  # of the turns; the angle in it
-    centred: int = 0  # channels, from the first on, whose mean over the period is an integral's
+    revolution: tuple[int, int] = (0, 0)  # number of the present turn; angle in that turn
+    centred: int = 0  # number of the first channels whose mean over the period belongs to an integral
 
     def __post_init__(self) -> None:
-        self.value = [0.0] * len(self.limit)  # of the last step
-        self.mean = [0.0] * len(self.limit)  # over the period, of the last time that it was gathered
-        self.transfer = [0.0] * len(self.limit)  # of it, what an integral takes over in this step
-        self.gathered: list[list[float]] = []  # towards the next
-        self.beyond = 0.0  # share of the first of them that counts, of a line
+        self.value = [0.0] * len(self.limit)  # the last step's values
+        self.mean = [0.0] * len(self.limit)  # mean over the last period that was gathered
+        self.transfer = [0.0] * len(self.limit)  # part of the mean that an integral takes over in this step
+        self.gathered: list[list[float]] = []  # values for the next mean
+        self.beyond = 0.0  # in a delay line, the share of the first gathered value that counts
 
     def recalled(self, values: list[float]) -> list[float]:
         """The values of a period ago, less what this period takes away; learning continues from these."""
@@ -90,16 +90,16 @@ class Memory:
 
 @dataclass(kw_only=True)
 class AngleMemory(Memory):
-    """A map over the period, written where the rotor passes. One period ago it was, behind the rotor, what it
-    held before the rotor came by, and ahead of it what it holds."""
+    """A map over the period, written where the rotor passes. The values of one period ago are, behind the
+    rotor, those of the map before the rotor passed; ahead of the rotor, those of the map now."""
 
     x: int = (
         0  # the last place, as it is counted: on the way back from the other end, so that it always rises
     )
-    at: int = 0  # the cell at or before it, counted like it and without wrapping
+    at: int = 0  # the cell at or before x, counted like x and without wrapping
     back: bool = False
-    passed: int = 0  # cells, in the last step
-    half: int = 0  # how far the filter looks to each side, as yet
+    passed: int = 0  # cells that the rotor passed in the last step
+    half: int = 0  # present half width of the filter
     started: bool = False
     follows: bool = False  # the last step learned
     behind: dict[int, list[float]] = field(default_factory=dict)  # the last cells passed, as they were
@@ -205,9 +205,9 @@ class AngleMemory(Memory):
 
 @dataclass(kw_only=True)
 class DelayLine(Memory):
-    """Samples in a row, which wait while it cannot go on. By time, the period is that of the reference speed;
-    else it is P_t, by its differential equation or by inversion of the angle, which is kept as whole periods
-    and the rest."""
+    """Samples in a row. None is added in a step in which goes_on() is false. By time, the period is that of
+    the reference speed. Else it is P_t, from its differential equation or by inversion of the angle. Angles
+    are kept as whole periods and the rest."""
 
     kind: str  # "time", "ode" or "inversion"
     ts: float
@@ -269,7 +269,7 @@ class DelayLine(Memory):
                 self.p_t = float(np.interp(1.0, near, (older - 1, older))) * self.ts
 
     def goes_on(self, theta: float, speed: float) -> bool:
-        """Whether the period has changed its place in the line; finds it then."""
+        """Find the present period; returns whether the line goes on in this step."""
         if self.kind == "time":
             a_sample = abs(speed) * self.ts * self.ratio * self.parts / (2 * math.pi * self.turns)
             within = a_sample > 0 and a_sample * self.cells >= 1 and a_sample * self.fewest <= 1
