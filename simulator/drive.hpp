@@ -5,8 +5,8 @@
 // speed_divider-th tick. Any other code that takes the same measurements and references can replace it. An ideal current loop has
 // no inverter and no electrical states: from each step of the law on, the current equals the law's reference.
 //
-// In trials everything but the law and the noise is reset to its initial state at the start of each trial, after a fixed
-// number of the law's samples. The law learns between trials.
+// In trials the drive is reset to its initial state at the start of each trial, after a fixed number of the law's samples. The law
+// and the noise go on, as do an encoder table, an added load and drifting temperatures. The law learns between trials.
 #pragma once
 
 #include <cstdint>
@@ -210,7 +210,8 @@ private:
     // The controller's part of a tick after the law.
     void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
-    // Resets everything but the law and the noise to the initial state of a trial in its phase. trial: counted from 0 over the run.
+    // Resets the drive to the initial state of a trial in its phase; see the head of this file for what goes on. trial: counted
+    // from 0 over the run.
     void restart(DriveState& state, const Phase& phase, std::int64_t trial) const;
     void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
