@@ -1,13 +1,13 @@
-"""What `cogless design` says of learning, against long runs of random drives.
+"""What `cogless design` says of learning, compared with long runs of random drives.
 
     python benchmarks/criterion.py [--cases 300] [--seed 1] [--write]
 
-Each case is a drive drawn at random: motor, rates, sensor, gains, memory, speed, load, and in half of them
-a plant that differs from what the controller was told. It runs for 60 s with learning and with the same
-feedback without, and where learning is said to grow for as long as that takes, at most 20 minutes. A run is
-worse if it ends with more than 1.25 times the true speed's error of that feedback, or if its error rises in
-the second half, to more than 1.25 times, and does so again in a run four times as long. --write puts the
-table into docs/theory/learning.md.
+Each case is a drive drawn at random: motor, rates, sensor, gains, memory, speed, load, and often a plant
+that differs from what the controller assumes. A case runs for 60 s with learning, and for 60 s with the same
+feedback without learning. If design says that learning grows, the runs last until it would have grown, at
+most 20 minutes. A run is worse if the true speed's error ends above 1.25 times that of the feedback, or if
+the error rises to more than 1.25 times in the second half, and again in a run four times as long. --write
+puts the table into docs/theory/learning.md.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ sys.path.append(str(HERE.parent / "docs"))
 import marked  # noqa: E402
 
 PAGE = HERE.parent / "docs" / "theory" / "learning.md"
-WORSE = 1.25
-WINDOWS, BEGUN = 6, 2.0  # s, the start-up left out
-SHORTEST, LONGEST = 60.0, 1200.0  # s
-LONGER = 4  # times, for an error that still rises
-SHOWS = 1e4  # times, by which what is said to grow has to have grown
+WORSE = 1.25  # ratio to the feedback's error
+WINDOWS, BEGUN = 6, 2.0  # windows of a run; s, the start-up that is left out
+SHORTEST, LONGEST = 60.0, 1200.0  # s, length of a run
+LONGER = 4  # factor on the length of a run whose error still rises
+SHOWS = 1e4  # factor by which learning that is said to grow would grow in the run
 ROWS = {
     "settles": "settles",
     "hedged": "settles, with a reservation",
@@ -56,7 +56,7 @@ Changes = dict[str, Any]
 
 
 def q(value: float, unit: str) -> str:
-    """A quantity as a study has it."""
+    """A quantity as a study's text: number and unit."""
     return f"{value!r} {unit}"
 
 
@@ -100,7 +100,7 @@ def drive(d: Draw, K_t: float, b: float, rate: int, divider: int) -> Changes:
         psi = K_t / 1.5 / pole_pairs
         flux = [{"order": 6, "d": q(psi * d.uniform(0, 0.03), "Wb"), "q": q(psi * d.uniform(0, 0.05), "Wb")}]
     return {
-        "drive.guard": False,  # it would end what grows
+        "drive.guard": False,  # the guard would stop learning that grows
         "drive.rates.integration_steps": 4,
         "motor.pole_pairs": pole_pairs,
         "motor.R_s": q(R, "ohm"),
@@ -123,7 +123,7 @@ def drive(d: Draw, K_t: float, b: float, rate: int, divider: int) -> Changes:
 
 
 def told_wrong(d: Draw, inertia: float, K_t: float) -> Changes:
-    """What the scenario overrides, and beliefs: the controller isn't told."""
+    """The scenario's random overrides of the plant, which the controller doesn't know."""
     override: Changes = {}
     if d.chance(0.4):
         override["mechanics.inertia"] = q(inertia * d.log(0.4, 2.5), "kg*m^2")
@@ -135,7 +135,7 @@ def told_wrong(d: Draw, inertia: float, K_t: float) -> Changes:
 
 
 def memory(d: Draw, omega: float, rate: float) -> Changes:
-    """Of the laws that learn by time or angle."""
+    """The memory's keys of a law that learns by time or angle."""
     period = d.one("electrical", "mechanical")
     kind = d.one("angle", "angle", "time")
     fields: Changes = {"memory": kind, "period": period, "learning_start": "0.5 s"}
@@ -150,7 +150,7 @@ def memory(d: Draw, omega: float, rate: float) -> Changes:
 
 
 def case(seed: int, number: int) -> Changes:
-    """The changes that make a study of benchmarks/criterion.toml."""
+    """The changes of benchmarks/criterion.toml that give the study of a case."""
     d = Draw(seed, number)
     K_t, b = d.log(0.02, 0.6), d.log(500, 20000)
     current_rate, divider = d.one(8000, 10000, 16000, 20000), d.one(1, 2, 4, 5, 8, 10, 16)
@@ -202,14 +202,14 @@ def case(seed: int, number: int) -> Changes:
 
 
 def off(law: Changes) -> Changes:
-    """The same feedback without learning."""
+    """The changes that switch a law's learning off."""
     if law["law"].startswith("space"):
         return {"controller.law.learning": False}
     return {"controller.law.learning_start": "1e6 s"}
 
 
 def errors(study: Study) -> list[float]:
-    """RMS of the true speed's error in six windows, rad/s."""
+    """Standard deviation of the true speed's error in each of WINDOWS windows, rad/s."""
     trace = simulate(study, "run", "law").trace
     ends = np.linspace(0.0, float(trace.time[-1]), WINDOWS + 1)
     error = trace["omega_m"] - trace["omega_ref"]
@@ -218,7 +218,7 @@ def errors(study: Study) -> list[float]:
 
 
 def lasting(found: Verdict, study: Study) -> float:
-    """How long a case has to run to show what is said of it, s."""
+    """How long a case has to run to show what design says of it, s."""
     if found.kind != "grows" or found.worst is None:
         return SHORTEST
     loop = judged(study, "run", "law")[0]
@@ -234,7 +234,7 @@ def judge(seed: int, number: int) -> Changes:
         found = verdict(study, "law")
         assert isinstance(study, Study) and found is not None
         first = lasting(found, study)
-        for time in (first, LONGER * first):  # what still rises may be on its way to where it stays
+        for time in (first, LONGER * first):  # an error that still rises may settle later
             study = cogless.changed(study, {"scenario.run.duration": f"{time!r} s"})
             learned = errors(study)
             rising = learned[-3] < learned[-2] < learned[-1] and learned[-1] > WORSE * learned[-3]
@@ -261,7 +261,7 @@ def judge(seed: int, number: int) -> Changes:
 
 
 def table(found: Sequence[Changes]) -> list[str]:
-    """Markdown: what was said, down; what the run did, across."""
+    """Markdown: a row for each thing that design says, a column for each outcome of a run."""
     counts = Counter((each["row"], each["worse"]) for each in found)
     rows = [
         [row, str(counts[row, False] + counts[row, True]), str(counts[row, False]), str(counts[row, True])]

@@ -1,9 +1,10 @@
-"""What each feature of motor, mechanics and sensors costs: time of a tick beside the same drive without it.
+"""What each feature of motor, mechanics and sensors costs: time of a tick with it, and without it.
 
 python benchmarks/features.py [--instructions]
 
-CPU time, best of many short pieces, all drives in turns, so that a busy machine counts little. With
---instructions by valgrind's callgrind, which counts them: some minutes, the same on any load.
+Each number is the CPU time of the best of many short runs, all drives in turns, so that a busy machine counts
+little. With --instructions, valgrind's callgrind counts instructions instead: this takes some minutes, and
+the load of the machine makes no difference.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from cogless.study import load
 
 HERE = Path(__file__).parent
 PIECE, ROUNDS = 1500, 150
-COUNTED = (1000, 5000)  # ticks of the two runs whose difference is counted
+COUNTED = (1000, 5000)  # ticks of two runs; the difference of their instructions is used
 KINDS = ("averaged", "switched")
 TABLE = """angle [deg],error [deg]
 0,0.02
@@ -154,7 +155,7 @@ def times() -> dict[str, list[float]]:
 
 
 def count(name: str, kind: str, ticks: int) -> int:
-    """Instructions of a whole process that runs so many ticks."""
+    """Instructions of a whole process that runs this drive for `ticks` ticks."""
     with tempfile.TemporaryDirectory() as folder:
         written = Path(folder) / "callgrind"
         tool = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={written}"]

@@ -1,6 +1,6 @@
 """The plain drive in gym-electric-motor; prints one JSON line with its CPU time per tick.
 
-GEM has the plant, the user brings the controller: here plain Python floats, the fastest that Python has.
+GEM has only the plant. The controller is this file's, in plain Python floats, the fastest way in Python.
 """
 
 import json
@@ -25,7 +25,7 @@ class Controller:
         self.action = (0.0, 0.0, 0.0)
 
     def step(self, omega_m: float, theta_e: float, i_d: float, i_q: float) -> tuple[float, float, float]:
-        """The action of the tick before, after computing the next."""
+        """Compute the next action, and return the one of the tick before."""
         period = 1 / d.TICK_RATE
         error = d.SPEED_REFERENCE - omega_m
         i_q_ref = d.SPEED_KP * error + self.speed_integral
@@ -60,7 +60,7 @@ class Controller:
 
 
 def build(solver: OdeSolver) -> gem.PhysicalSystem:
-    """The plant without the environment around it (no reward, no constraints, no plots): its fastest use."""
+    """The plant without the environment around it (no reward, constraints or plots): GEM's fastest use."""
     motor = {
         "p": d.POLE_PAIRS,
         "r_s": d.R_S,

@@ -1,15 +1,15 @@
-"""Whether the guard keeps learning from hurting: random configurations beside the same feedback.
+"""Whether the guard keeps learning from hurting: random configurations against the same feedback.
 
     python benchmarks/guard.py [--cases 200] [--seed 1] [--off] [--write]
 
-Each case is a drive and a learning law drawn at random, most of them badly: learning gains of a tenth to
-twenty times the feedback's own, leads wrong by up to four samples, a computation delay, an inertia and a
-torque constant that the controller isn't told, speeds up to the limit, changing speeds and load steps. It
-runs twice, with learning and with the same feedback without. A window is whole turns of the reference, at
-least 0.25 s, or 5 s; it is bad where the speed error's standard deviation (its rms, where the rotor does not
-turn with the reference) is more than 1.25 times that of the feedback in the same window. The claim: bad
-windows in a row last at most 20 turns or 5 s, whichever is longer. --off: without the guard. --write puts the
-table into docs/laws/guard.md.
+Each case is a drive and a learning law drawn at random, most of them bad: learning gains of a tenth to twenty
+times the feedback's own, leads wrong by up to four samples, a computation delay, an inertia and a torque
+constant that the controller doesn't know, speeds up to the limit, changing speeds and load steps. Each case
+runs twice: with learning, and with the same feedback without learning. A window is whole turns of the
+reference in at least 0.25 s, but at most 5 s. A window is bad if the speed error's standard deviation (its
+rms, if the rotor does not turn with the reference) is more than 1.25 times that of the feedback in the same
+window, for the true speed and for the measured one. The claim: bad windows in a row last at most 20 turns or
+5 s, whichever is longer. --off: without the guard. --write puts the table into docs/laws/guard.md.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ sys.path.append(str(HERE.parent / "docs"))
 import marked  # noqa: E402
 
 PAGE = HERE.parent / "docs" / "laws" / "guard.md"
-WORSE = 1.25
-TURNS, TIME = 20.0, 5.0
-SHORTEST, LONGEST = 0.25, 5.0  # s, of a window
-STALLED = 0.5  # of the reference: with a larger mean error the rotor does not turn with it
+WORSE = 1.25  # ratio to the feedback's error
+TURNS, TIME = 20.0, 5.0  # turns; s: the claim
+SHORTEST, LONGEST = 0.25, 5.0  # s, length of a window
+STALLED = 0.5  # share of the reference; with a larger mean error the rotor does not turn with it
 BEGUN = 0.5  # s, the start-up left out
-DURATION, SHORT = 40.0, 20.0  # s; where 20 turns take less than 5 s, or longer than all of it
-STEPS = (2, 4, 8, 16)  # of integration in a period: as few as the drive takes
+DURATION, SHORT = 40.0, 20.0  # s, a run; SHORT if 20 turns take less than 5 s, or more than DURATION
+STEPS = (2, 4, 8, 16)  # integration steps in a period; the fewest that the study accepts are used
 LAWS = ("pi-ilc", "robust-ilc", "space-speed", "pi-afc")
 
 
 def memory(d: Draw, slowest: float, rate: float) -> Changes:
-    """Memory of the laws that learn by time or angle, with a lead of up to four samples too many or few."""
+    """The memory's keys of a law that learns by time or angle, with a lead wrong by up to four samples."""
     kind = d.one("angle", "angle", "time")
     fields: Changes = {"memory": kind, "period": d.one("electrical", "mechanical")}
     cells = d.one(64, 128, 256, 512, 1024, 2048, 4096)
@@ -77,7 +77,7 @@ def reference(d: Draw, omega: float, duration: float) -> tuple[str, Any, list[tu
 
 
 def case(seed: int, number: int, steps: int) -> tuple[Changes, dict[str, Any]]:
-    """The changes that make a study of benchmarks/criterion.toml, and what the table needs of them."""
+    """The changes of benchmarks/criterion.toml that give the study of a case, and facts for the table."""
     d = Draw(seed, number)
     K_t, b = d.log(0.02, 0.6), d.log(500, 20000)
     current_rate, divider = d.one(8000, 8000, 10000, 20000), d.one(4, 5, 8, 10, 16)
@@ -148,7 +148,7 @@ def case(seed: int, number: int, steps: int) -> tuple[Changes, dict[str, Any]]:
 
 
 def loaded(seed: int, number: int, guard: bool) -> tuple[Changes, dict[str, Any], Study]:
-    """One case and its study, with as few steps of integration as it takes."""
+    """One case and its study, with the fewest steps of integration that the study accepts."""
     for steps in STEPS:
         try:
             changes, about = case(seed, number, steps)
@@ -160,7 +160,7 @@ def loaded(seed: int, number: int, guard: bool) -> tuple[Changes, dict[str, Any]
 
 
 def boundaries(points: Sequence[tuple[float, float]], end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the windows, s, and the turns of the reference by then."""
+    """Ends of the windows, s, and the number of turns of the reference at each end."""
     times, speeds = (np.array(x) for x in zip(*points, strict=True))
     t = np.arange(BEGUN, end, 0.002)
     turned = np.cumsum(np.interp(t, times, speeds)) * 0.002 / 2 / math.pi
@@ -179,8 +179,8 @@ def boundaries(points: Sequence[tuple[float, float]], end: float) -> tuple[np.nd
 
 
 def errors(study: Study, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Standard deviation of the true speed error in each window, of the measured one, and of its mean over
-    two samples, rad/s; and in how much of it the guard acted."""
+    """For each window: `ripple` of the true speed error; of the measured error and of its mean over two
+    samples, rad/s; and the share of the window in which the guard acted."""
     trace = simulate(study, "run", "law").trace
     time, reference = trace.time, trace["omega_ref"]
     true, seen = trace["omega_m"] - reference, trace["omega_measured"] - reference
@@ -202,7 +202,7 @@ def errors(study: Study, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def ripple(error: np.ndarray, stalled: np.bool_) -> float:
-    """RMS of what the error differs from its mean, or from 0 where the rotor does not turn."""
+    """RMS of the error without its mean; of the whole error if the rotor does not turn with the reference."""
     return float(np.sqrt(np.mean((error - (0.0 if stalled else np.mean(error))) ** 2)))
 
 
@@ -216,7 +216,7 @@ def spans(bad: np.ndarray, ends: np.ndarray, turns: np.ndarray) -> list[tuple[fl
 
 
 def judge(seed: int, number: int, guard: bool) -> dict[str, Any]:
-    """One case: how much above the same feedback, and how long."""
+    """Run one case: how far its error is above the feedback's, and for how long."""
     try:
         changes, about, study = loaded(seed, number, guard)
         ends, turns = boundaries(about["points"], about["duration"] - 0.1)
@@ -259,7 +259,7 @@ def judge(seed: int, number: int, guard: bool) -> dict[str, Any]:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Markdown: a row for each law, and for all."""
+    """Markdown: a row for each law, and one for all laws."""
     lines = []
     for name in (*LAWS, "all"):
         some = [row for row in rows if name in (row["law"], "all")]

@@ -1,13 +1,13 @@
-"""What the certificate of the law `harmonic` says, against runs of random drives that nobody told it of.
+"""What the certificate of the law `harmonic` says, compared with runs of drives that it doesn't know.
 
     python benchmarks/harmonic.py [--cases 200] [--seed 1]
 
-Each case is a motor of the shipped studies at a random speed, with what its controller isn't told: inertia
-and torque constant 50 % less to 50 % more, in half of the cases a sample of delay, a torque constant that
-ripples by 5 %, an eccentric encoder, switched PWM, a fault. It runs for 12 s with the law, with and without
-the guard, and with the same feedback alone. The certificate counts as a warning where it says that an order
-is turned: a sample is late, and orders act above those that converge with it. A case went wrong if without
-the guard it ends with more than 1.25 times the speed error of its feedback.
+Each case is a motor of the shipped studies at a random speed. The controller doesn't know that inertia and
+torque constant are 50 % less to 50 % more. In some cases it also doesn't know a sample of delay, 5 % ripple
+of the torque constant, an eccentric encoder, switched PWM, or a fault. A case runs for 12 s with the law,
+with and without the guard, and with the same feedback alone. The certificate counts as a warning if it is
+not fine, or if a sample is late and orders act that don't converge with a late sample. A case went wrong if
+without the guard it ends with more than 1.25 times the speed error of its feedback.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ import marked  # noqa: E402
 
 RPM = math.pi / 30
 WORSE = 1.25
-BEGIN, DURATION = 1.0, 12.0  # s: learning begins, the end
-LAST = 2.0  # s that count
-TURNS, TIME = 20.0, 5.0  # the guard's promise
+BEGIN, DURATION = 1.0, 12.0  # s: start of learning, end of the run
+LAST = 2.0  # s, the end of the run that counts
+TURNS, TIME = 20.0, 5.0  # turns; s: the guard's promise
 LAW = {"law": "harmonic", "tuning": {"rule": "auto"}}
 # study, scenario, lowest and highest speed in r/min, inertia, key of the torque constant, its value and unit
 MOTORS = (
@@ -50,7 +50,7 @@ FAULTS: tuple[tuple[str, dict[str, Any]], ...] = (
 
 
 def case(seed: int, number: int) -> tuple[str, str, Changes, dict[str, Any]]:
-    """A study, its scenario, the changes that make this case of it, and what the table needs of them."""
+    """A study, its scenario, the changes that make this case of it, and facts for the table."""
     d = Draw(seed, number)
     name, scenario, low, high, inertia, key, value, unit = d.one(*MOTORS)
     speed, plain = d.log(low, high), cogless.load(name)
@@ -79,20 +79,20 @@ def case(seed: int, number: int) -> tuple[str, str, Changes, dict[str, Any]]:
         f"scenario.{scenario}.controllers": [*plain.controllers_in(scenario), "law"],
     }
     if name == "uomodri":
-        changes["metric"] = []  # those of liu2018 are what it is calibrated by
+        changes["metric"] = []  # liu2018 keeps its metrics, by which it is calibrated
     about = {"study": name, "speed": speed, "J": J, "K_t": K_t, "late": late, "eccentric": eccentric}
     return name, scenario, changes, about | {"fault": fault}
 
 
 def error(study: Study, scenario: str) -> np.ndarray:
-    """The true speed error, rad/s, a thousand a second."""
+    """The true speed error, rad/s, a value for each ms."""
     trace = simulate(study, scenario, "law").trace
     rows = round(1e-3 / (trace.time[1] - trace.time[0]))
     return np.asarray(trace["omega_m"] - trace["omega_ref"])[::rows]
 
 
 def judge(seed: int, number: int) -> dict[str, Any]:
-    """One case: what was said, and what came."""
+    """Run one case: what the certificate says, and how the runs end."""
     name, scenario, changes, about = case(seed, number)
     study = cogless.load(name, changes)
     assert isinstance(study, Study)
@@ -113,7 +113,7 @@ def judge(seed: int, number: int) -> dict[str, Any]:
 
 
 def _longest(error: np.ndarray, without: np.ndarray, omega: float) -> bool:
-    """Whether the error is above the feedback's for longer than the guard promises, in windows of turns."""
+    """Whether the error is above the feedback's for longer than the guard promises, by windows of turns."""
     turn = 2 * math.pi / omega
     window = round(1000 * turn * max(1, math.ceil(0.25 / turn)))
     begin = round(1000 * BEGIN)
@@ -126,7 +126,7 @@ def _longest(error: np.ndarray, without: np.ndarray, omega: float) -> bool:
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Markdown: what was said against what came."""
+    """Markdown: a row for each thing that the certificate says, with how the runs ended."""
     lines = []
     for title, warned in (("converges", False), ("an order is turned", True)):
         some = [row for row in rows if row["warned"] is warned]

@@ -1,14 +1,14 @@
-"""How right `cogless identify` is, on motors drawn at random, of a plant that is not cogless's.
+"""How exact `cogless identify` is for motors drawn at random, simulated by a plant that is not cogless's.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identify.py --seeds 1 2 3
     OPENBLAS_NUM_THREADS=1 python benchmarks/identify.py --seeds 1 --rate 200 --jitter 0.3 --every-key
 
 
-Each seed draws a motor of each of eight kinds, with six logs. A line for each motor names what is off or left
-out. The table has by kind of value: how many there are, how many were told, are within the goal and within
-their own interval, the median interval, and the median of deviation over interval. Orders that are not the
-motor's count as false where they are larger than a twentieth of its largest, or than a twentieth of its
-friction.
+Each seed draws a motor of each of eight kinds, with six logs. A line for each motor names the values that are
+off or left out. The table has a row for each kind of value: how many there are, how many identify gives, how
+many are within the goal and within their own interval, the median interval, and the median of deviation over
+interval. An order that the motor doesn't have counts as false if it is larger than a twentieth of the motor's
+largest order, or of the friction if the motor has no cogging.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from cogless.identify import plan
 from cogless.identify.command import identified
 from cogless.identify.result import Estimate, Value, Wave
 
-GOALS = {  # relative, or s and rad
+GOALS = {  # relative; the delay in s, phases in rad
     "inertia": 0.01,
     "Coulomb": 0.01,
     "viscous": 0.05,
@@ -42,12 +42,12 @@ GOALS = {  # relative, or s and rad
     "encoder": 0.05,
     "encoder phase": math.radians(5),
 }
-MAIN_SHARE = 0.05  # of the largest order
+MAIN_SHARE = 0.05  # share of the largest order
 
 
 @dataclass
 class Tally:
-    """Of a kind of value: how many there are, and deviation and interval of those that were told."""
+    """A kind of value: how many there are, and deviation and interval of each that identify gives."""
 
     wanted: int = 0
     off: list[float] = field(default_factory=list)
@@ -70,9 +70,9 @@ class Tally:
 
 @dataclass
 class Score:
-    """Of all motors. `main`: those whose largest order was told. `false`, `small`: those with false orders.
+    """The result for all motors. `main`: number of motors whose largest order identify gives.
 
-    `false` has the orders above MAIN_SHARE, `small` has the motors with false orders of any size.
+    `false`: motors with false orders above MAIN_SHARE. `small`: motors with false orders of any size.
     """
 
     tallies: dict[str, Tally] = field(default_factory=lambda: defaultdict(Tally))
@@ -100,7 +100,7 @@ class Score:
 
 
 def compared(motor: plant.Motor, made: Estimate | None, score: Score) -> list[str]:
-    """Add a motor's values to the score; returns what is off, a text each."""
+    """Add a motor's values to the score; returns a text for each value that is off or missing."""
     said: list[str] = []
 
     def add(kind: str, name: str, off: float, error: float) -> None:

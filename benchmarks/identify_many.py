@@ -3,7 +3,7 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/identify_many.py
 
 The logs are simulated: a servo of benchmarks/identify_planned.py at eight speeds, with four accelerations
-and four loads, each for 20 s at 1 kHz. Prints each step with the processor time until then.
+and four loads, each for 20 s at 1 kHz. Each step is printed with the processor time until then.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from cogless.identify import plan
 from cogless.identify.command import identified
 from cogless.study import Study
 
-SECONDS = 20.02  # some rows are kept back for the delay of the log
-SPEEDS = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 6.0)  # of the study's own
+SECONDS = 20.02  # s; the log drops some rows at its start for the currents' delay
+SPEEDS = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 6.0)  # shares of the study's own speed
 planned = plan.scenarios
 
 
 def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
-    """Sixteen in place of the six that `plan` has."""
+    """Sixteen scenarios in place of the six of `plan`, and the rate that `plan` gives."""
     own, rate = planned(study, law)
     loads = [made["load"] for made in own.values() if "load" in made]
     v = next(iter(study.scenario.values())).top_reference or 2 * math.pi

@@ -1,12 +1,12 @@
-"""How right `cogless identify` is on planned logs of motors drawn at random, simulated by cogless.
+"""How exact `cogless identify` is on planned logs of motors drawn at random, simulated by cogless.
 
     python benchmarks/identify_planned.py [MOTORS] [SEED]
 
-The drives have what nobody types in: offsets and gain errors of the current sensors, dead time, an encoder
-off its middle, currents that are logged late. Prints a line for each motor, then by kind of value the largest
-deviation, how many are within the bound, and how many intervals at 95 % hold the truth; and each value beyond
-its bound. What is left out counts as a miss, and so does all of a motor that is refused. 20 motors have more
-than 200 values, and take some minutes.
+The drives have errors that no user enters: offsets and gain errors of the current sensors, dead time, an
+eccentric encoder, currents that are logged late. The output has a line for each motor, with each value beyond
+its bound or its interval. Then it has for each kind of value the largest deviation, how many are within the
+bound, and how many intervals at 95 % hold the truth. A value that is left out counts as a miss; if a motor is
+refused, all its values do. 20 motors have more than 200 values, and take some minutes.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ KINDS = {  # pole pairs, R_s, L, K_t, J, friction as a share of the limit's torq
     "fine": (10, 1.5, 1e-3, 0.12, 1e-4, 0.02, 5.0, 2**18),
     "stepper": (50, 1.5, 3e-3, 0.3, 6e-6, 0.02, 2.0, 65_536),
 }
-RATE = 10_000  # Hz, at which the logs are simulated; the plan says how many of its rows are logged
-LATEST = 20  # rows of RATE by which currents are logged late, at most
+RATE = 10_000  # Hz, rate of the simulated logs; the plan says how many of these rows are logged
+LATEST = 20  # most rows, at RATE, by which currents are logged late
 BOUNDS = {
     "inertia": 0.01,
     "Coulomb": 0.01,
@@ -71,7 +71,7 @@ def drawn(kind: str, random: Random) -> dict[str, Any]:
     if kind == "stepper":
         orders = [4 * poles, 2 * poles, 7]
     gains = random.uniform(-0.01, 0.01, 3)
-    gains -= gains.mean()  # their mean is a wrong K_t, which no log of currents tells
+    gains -= gains.mean()  # their mean acts like a wrong K_t, which no log of currents shows
     sensors = {
         "noise": f"{2e-3 * limit:.3g} A",
         "bits": 12,
@@ -143,7 +143,7 @@ LOGGED = ("time", "theta_measured", "omega_measured", "i_q", "i_d")
 
 
 def logged(trace: Trace, star: StarMotor, drive: Drive, late: int, every: int) -> dict[str, Any]:
-    """What the drive logs in every so many-th row: angle, speed, and currents, these so many rows late."""
+    """The drive's log: of each `every` rows one, with angle, speed and currents that are `late` rows late."""
     theta = trace["theta_measured"]
     sensors = drive.current_sensors
     park = [star.pole_pairs * theta - third * 2 * math.pi / 3 for third in range(3)]
@@ -207,7 +207,7 @@ def recorded(tables: dict[str, Any], folder: Path, random: Random) -> Recorded:
 
 
 def compared(of: Recorded, made: Estimate) -> tuple[Compared, list[str]]:
-    """Every value against the truth, and what was said."""
+    """Every value compared with the truth; and lines on orders that are not found, and identify's remarks."""
     truth, late, star = of.truth, of.late, of.truth.motor.star()
     found: Compared = []
     said: list[str] = []
@@ -245,7 +245,7 @@ def compared(of: Recorded, made: Estimate) -> tuple[Compared, list[str]]:
         if got.order == 6 * star.pole_pairs:
             harmonic = star.flux_harmonics[0]
             wave("K_t ripple", got, 1.0, harmonic.d / star.psi_f, harmonic.d_phase + math.pi / 2)
-        elif got.order != 2 * star.pole_pairs:  # of the gain errors
+        elif got.order != 2 * star.pole_pairs:  # gain errors give this order
             found.append(("K_t ripple", f"order {got.order}, which is not there", math.inf, math.inf))
     for got in made.encoder:
         if got.order == 1:
@@ -257,7 +257,7 @@ def compared(of: Recorded, made: Estimate) -> tuple[Compared, list[str]]:
 
 
 def wanted(of: Recorded) -> list[tuple[str, str]]:
-    """Kind and name of all that a motor's logs should tell."""
+    """Kind and name of all values that a motor's logs should give."""
     star = of.truth.motor.star()
     waves = [
         *(("cogging", cogging.order) for cogging in star.cogging),

@@ -1,9 +1,9 @@
-"""Motors drawn at random with their logs, from a plant of this file's own: nothing in it is cogless's.
+"""Motors drawn at random, and their logs, simulated by a plant that uses nothing of cogless.
 
-The rotor's balance is integrated at 10 kHz by the midpoint rule, for all logs of all motors at once. Its law
-holds its currents between samples of 1 kHz, from counts of an encoder with an error of its own. The current
-follows its reference by a first-order lag, has offsets of its sensors, noise and the steps of 12 bits, and is
-logged later than the angle.
+The rotor's balance is integrated at 10 kHz by the midpoint rule, for all logs of all motors at once. The
+drive's law computes the current's reference at 1 kHz, from the counts of an encoder with an error. The
+current follows its reference by a first-order lag. The logged current has offsets, noise and the steps of
+12 bits, and is logged later than the angle.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ Array = NDArray[np.float64]
 Wave = tuple[int, float, float]  # order, size, phase: size sin(order theta + phase)
 TURN = 2 * math.pi
 STEP = 1e-4  # s
-LAW = 10  # steps of the law
-LATEST = 20  # steps by which currents are logged late, at most
-LAG = 3e-4  # s, of the current loop
-SPEED_FILTER = 2e-3  # s, of the law's speed
+LAW = 10  # steps in a sample of the law
+LATEST = 20  # most steps by which currents are logged late
+LAG = 3e-4  # s, time constant of the current loop
+SPEED_FILTER = 2e-3  # s, time constant of the law's speed filter
 SPEED_BANDWIDTH = TURN * 8  # rad/s
-SECONDS = 8.0  # of a log
-BITS = 12  # of the current's converter over twice its limit
-RAMP_CURRENT = 0.15  # of the limit, that accelerates
-STILL = 0.02  # rad/s, in which friction changes its sign
+SECONDS = 8.0  # s, length of a log
+BITS = 12  # bits of the current's converter, whose range is plus or minus twice the limit
+RAMP_CURRENT = 0.15  # share of the current limit that accelerates
+STILL = 0.02  # rad/s; at smaller speeds friction is proportional to the speed
 KINDS: dict[str, dict[str, Any]] = {
     "gimbal": {"poles": 11, "K_t": 0.08, "J": 8e-5, "friction": 4e-3, "limit": 3.0, "counts": 16_384,
                "orders": (24, 66, 22), "speeds": (0.4, 3.0)},
@@ -48,14 +48,15 @@ KINDS: dict[str, dict[str, Any]] = {
     "gear": {"poles": 5, "K_t": 0.12, "J": 1e-4, "friction": 1e-2, "limit": 5.0, "counts": 2**18,
              "orders": (60, 12, 10), "speeds": (0.4, 4.0), "angle_friction": 0.25},
 }  # fmt: skip
-SIZES = (1.3, 0.6, 0.3)  # of the cogging, in frictions
+SIZES = (1.3, 0.6, 0.3)  # cogging torques over the friction
 
 
 @dataclass(frozen=True)
 class Motor:
     """A motor and its drive, SI.
 
-    `flux`: K_t's ripple as a share. `offset`: of i_q, of order p, A. `table`: current that the law adds, A.
+    `flux`: ripple of K_t, relative. `offset`: error of i_q, whose order is the pole pairs, A. `table`:
+    current that the law adds, A.
     """
 
     kind: str
@@ -64,7 +65,7 @@ class Motor:
     inertia: float
     coulomb: float
     viscous: float
-    stribeck: float  # N*m more at rest
+    stribeck: float  # N*m, extra friction at rest
     stribeck_speed: float  # rad/s
     friction_waves: tuple[Wave, ...]  # shares of the friction
     cogging: tuple[Wave, ...]
@@ -94,7 +95,7 @@ class Run:
 
 
 def drawn(kind: str, random: np.random.Generator, cogging: bool = True) -> Motor:
-    """A random motor of a kind. `cogging` False: without, and without ripple of K_t."""
+    """A random motor of a kind. `cogging` False: without cogging, and without ripple of K_t."""
     table = KINDS[kind]
 
     def about(value: float, spread: float) -> float:
@@ -242,7 +243,7 @@ def _waves(motor: Motor, name: str) -> tuple[Wave, ...]:
 def rows_of(
     raw: dict[str, Array], motor: Motor, rate: float, jitter: float, seed: int = 0
 ) -> dict[str, Array]:
-    """What a drive logs: rows at a rate, Hz, off by up to `jitter` of it; its currents are late."""
+    """A drive's log: rows at `rate`, Hz, at times off by up to `jitter` periods; its currents are late."""
     every, count = 1 / (STEP * rate), len(raw["theta"]) - LATEST
     at = every * np.arange(math.floor(count / every) - 1) + every / 2
     at = at + np.random.default_rng(seed).uniform(-jitter, jitter, len(at)) * every
@@ -256,7 +257,7 @@ def rows_of(
 
 
 def columns(motor: Motor, every_key: bool = False) -> dict[str, Any]:
-    """Tables of the file of columns: what a user types in; with every key, references and a law, too."""
+    """Tables of the file of columns: what a user types in; `every_key`: also references and a law."""
     made: dict[str, Any] = {
         "columns": {"t": "t", "theta": "theta", "i_q": "i_q"},
         "motor": {

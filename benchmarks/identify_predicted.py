@@ -1,12 +1,12 @@
-"""How well the study that `cogless identify` writes predicts the ripple of a log that it has not seen.
+"""How well the study that `cogless identify` writes predicts the ripple of a log that identify has not seen.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identify_predicted.py --seeds 1 2 3
 
 Motors and logs are those of `identify_plant.py`, whose plant and law are not cogless's. The log at the middle
-speed is kept out. The plant runs there under its law, and again with the identified table of currents. The
-study that identify writes runs there in the engine, with a PI of the same gains, without and with the stored
-map that identify writes. A line for each motor has the ripple of the measured speed in the plant, r/min rms,
-and the predicted one over it.
+speed is not given to identify. At this speed the plant runs under its law, without and with the identified
+table of currents. The study that identify writes runs in the engine at this speed, with a PI of the same
+gains, without and with the map that identify writes. A line for each motor has the ripple of the measured
+speed in the plant, r/min rms, and the predicted ripple over this one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from cogless.identify.result import Estimate
 from cogless.units import RPM
 
 KEPT = "middle"
-WINDOW = (1.5, 4.0)  # s, in which the kept-out log has its first speed, and the law has settled
+WINDOW = (1.5, 4.0)  # s: here the kept-out log is at its first speed, and the law has settled
 GOALS = {"without": 0.1, "with": 0.2}  # relative
 
 

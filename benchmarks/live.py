@@ -2,10 +2,10 @@
 
     make web && python benchmarks/live.py [TIMES]
 
-The page of `uomodri` with runs of 5 s and two controllers, in headless Chromium through chromedriver, as the
-tests open it. Each number is the least of TIMES (5): others' load only ever adds. On a machine that is never
-quiet the processor time counts: that of the busier worker and of the page's own thread, one after the other,
-is the time to the picture on two free cores.
+The page is that of `uomodri`, with runs of 5 s and two controllers, in headless Chromium through
+chromedriver, as the tests open it. Each number is the best of TIMES (5) tries or more, since other load only
+makes a page slower. On a machine that is never quiet, look at the processor time: the busier worker's and the
+page thread's together are the time to the picture on two free cores.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from browser import MISSING, Browser, browser
 from cogless.live import write
 from cogless.study import load
 
-KEY = 'scenario.1-rev-s.override."mechanics.inertia"'  # of both controllers' runs
+KEY = 'scenario.1-rev-s.override."mechanics.inertia"'  # this key changes both controllers' runs
 WAIT = "return window.cogless ? cogless.isIdle() : false"
-# When the first picture is there, in a page that is opened after this.
+# Notes the time of the first picture, ms, in each page that is opened after this.
 OPENED = """
 const look = () => {
   if (window.cogless && cogless.isShown()) window.opened = performance.now();
@@ -32,7 +32,8 @@ const look = () => {
 };
 requestAnimationFrame(look);
 """
-# Steps of a slider at rest: from the value to the picture with it; then a drag of 2 s: what each frame takes.
+# STEP sets a value, and returns the time until its picture is drawn, ms. DRAG moves a slider for 2 s, and
+# returns frames and new pictures a second.
 STEP = """
 const key = cogless.page.keys.find((key) => key.key === arguments[0]);
 return new Promise((done) => {
@@ -84,7 +85,7 @@ def threads(profile: Path) -> dict[tuple[str, str], int]:
                 spent = int((task / "schedstat").read_text().split()[0])
                 name = "page" if task.name == process.name else (task / "comm").read_text().strip()
                 found[name, task.name] = spent
-        except OSError:  # it ended meanwhile
+        except OSError:  # the process has ended meanwhile
             continue
     return found
 

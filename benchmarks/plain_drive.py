@@ -2,7 +2,7 @@
 
 A PMSM without ripple, friction or sensor errors; field-oriented current control and a PI speed
 controller, both at every tick; averaged inverter; one sample of computation delay. SI units, angles
-mechanical. Standard library only: it's imported in the virtual environments of all competitors.
+mechanical. This file needs only the standard library, since all competitors' environments import it.
 """
 
 import math
@@ -22,7 +22,7 @@ BUS_VOLTAGE = 310.0  # V
 CURRENT_LIMIT = 3.0  # A
 
 SPEED_REFERENCE = 900 * math.pi / 30  # rad/s, from standstill
-LOAD_TORQUE = 0.3  # N m, constant: every tool has it, and it is the fastest load of each
+LOAD_TORQUE = 0.3  # N m, constant: the only load of all tools, and the fastest one of each
 
 CURRENT_BANDWIDTH = 2 * math.pi * 800  # rad/s
 SPEED_BANDWIDTH = 2 * math.pi * 20  # rad/s
@@ -32,7 +32,7 @@ SPEED_KI = SPEED_BANDWIDTH**2 * INERTIA / K_T  # A/rad
 
 
 def check(name: str, speed: float, i_q: float) -> None:
-    """A fast run that doesn't do the job doesn't count: at the end the drive must hold speed and load."""
+    """Exit unless the drive holds speed and load at the end; a fast run that doesn't must not count."""
     i_q_expected = LOAD_TORQUE / K_T
     if abs(speed / SPEED_REFERENCE - 1) > 0.01 or abs(i_q / i_q_expected - 1) > 0.02:
         expected = f"{SPEED_REFERENCE:.3f} rad/s, {i_q_expected:.4f} A"

@@ -1,11 +1,11 @@
-"""Printers at random: what a correction leaves of the ripple, and how often an error holds the truth.
+"""Random printers: how much ripple a correction leaves, and how often its error interval holds the truth.
 
     python benchmarks/printers.py [--count 20] [--seed 7]
 
-The axes of tests/printer (tolerances of coils and detent, belts of 0.5 to 1.8 times a stiffness) make ramps,
-as Klipper records them, and runs at 40 and 60 mm/s, as Prusa prints them, under noise of 0.1 to 1 m/s^2. The
-ripple is the rms over speeds of 12 to 240 mm/s and both directions, simulated. The truth is where torques
-balance at 0.1 m/s. It takes some minutes.
+The axes of tests/printer have random tolerances of coils and detent, and belts of 0.5 to 1.8 times a
+stiffness. They make ramps, as Klipper records them, under noise of 0.1 to 1 m/s^2, and runs at 40 and
+60 mm/s, as Prusa prints them. The ripple is the rms over speeds of 12 to 240 mm/s and both directions,
+simulated. The truth is where torques balance at 0.1 m/s. The benchmark takes some minutes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ORDERS = (1, 2, 4)
 
 
 def ripples(axes: Axes, corrections: Sequence[Correction | None]) -> np.ndarray:
-    """Rms displacement over the speeds and both directions of each axis, m, side by side."""
+    """Rms displacement of each axis over the speeds and both directions, m; all axes run at once."""
     signed = np.concatenate([sign * SPEEDS for sign in SIGNS.values()])
     count = len(corrections)
     by_order = {n: np.zeros((count, len(SIGNS), len(SPEEDS)), complex) for n in ORDERS}
@@ -47,7 +47,7 @@ def ripples(axes: Axes, corrections: Sequence[Correction | None]) -> np.ndarray:
 
 
 def show(name: str, axes: Axes, before: np.ndarray, identify: Callable[[int], Correction]) -> None:
-    """Print what a way of identifying leaves, and how often its errors hold the truth."""
+    """Print what share of the ripple `identify` leaves, and how often its errors hold the truth."""
     inside: list[bool] = []
     corrections: list[Correction | None] = []
     for lane in range(len(before)):

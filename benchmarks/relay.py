@@ -1,6 +1,6 @@
 """The ripple of robust ILC's relay: predicted by `cogless design`, and simulated, in loops drawn at random.
 
-python benchmarks/relay.py [--cases 60] [--seed 1]. docs/laws/robust-ilc.md has its result.
+python benchmarks/relay.py [--cases 60] [--seed 1]. docs/laws/robust-ilc.md has the result.
 """
 
 from __future__ import annotations

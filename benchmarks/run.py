@@ -42,14 +42,14 @@ PACKAGES = {
 PYTHON_VARIABLE = "COGLESS_BENCH_PYTHON"
 PYTHONS = ["python3.12", "python3.13", "python3.14", "python3"]
 
-# gcc 12 makes the yardstick slower by vectorising it: its fastest portable flags
+# the yardstick's fastest portable flags; gcc 12 makes it slower by vectorising
 YARDSTICK_FLAGS = ["-std=c99", "-O3", "-fno-tree-vectorize", "-ffp-contract=off"]
 
-ROUNDS = 25  # alternating repetitions of what takes a tenth of a second
-COMPETITOR_ROUNDS = 3  # of what takes seconds
+ROUNDS = 25  # alternating repetitions of runs of a tenth of a second
+COMPETITOR_ROUNDS = 3  # alternating repetitions of runs of seconds
 TICKS = 300_000  # 20 s of the drive with ripple
 
-# sensors so fine that rounding cannot flip a count: then two right programs follow the same path
+# with sensors so fine, rounding flips no count, and two right programs follow the same path
 FINE_SENSORS = {"drive.position_sensor.lines": 1_000_000, "drive.current_sensors.bits": 24}
 
 Signal = NDArray[np.float64]
@@ -76,8 +76,8 @@ def report(what: str, value: str, bar: str = "", passed: bool | None = None) -> 
 
 
 def ripple_config(changes: dict[str, Any]) -> dict[str, Any]:
-    """The drive of study.toml with PI and learning over the angle, as the engine takes it."""
-    study = cogless.load(STUDY, {"drive.guard": False, **changes})  # the yardstick has none
+    """The engine's description of study.toml's drive, with PI and learning over the angle."""
+    study = cogless.load(STUDY, {"drive.guard": False, **changes})  # the yardstick has no guard
     return engine_config(study, "low-speed", "pi-ilc")
 
 
@@ -159,7 +159,7 @@ def run_yardstick(program: Path, parameters: str) -> Outcome:
 
 
 def check_same_job(ours: Outcome, theirs: Outcome, angle: float, ripple: float) -> None:
-    """Stops unless both end within `angle` (rad) and rippled alike within `ripple` (relative)."""
+    """Exit unless the final angles agree within `angle` (rad), and the ripple within `ripple` (relative)."""
     close = abs(ours.theta_m - theirs.theta_m) < angle
     for name in ("omega_m", "i_q", "tau_e", "tau_cogging"):
         close &= abs(getattr(ours, name) / getattr(theirs, name) - 1) < ripple
@@ -183,7 +183,7 @@ def engine() -> None:
     check_same_job(our_run(fine), yardstick_run(fine), angle=1e-4, ripple=1e-3)
     yardstick, ours, pwm = [], [], []
     for n in range(ROUNDS):
-        if n % 2 == 0:  # neither is always the one that runs first
+        if n % 2 == 0:  # the two take turns at running first
             yardstick.append(yardstick_run(averaged))
         ours.append(our_run(averaged))
         if n % 2 == 1:
@@ -237,7 +237,7 @@ def plain_config() -> dict[str, Any]:
 
 
 def plain_cogless() -> float:
-    """CPU time per tick in ns, every tick recorded; the mean of enough runs for the clock."""
+    """CPU time per tick in ns, every tick recorded; the mean of enough runs for a coarse clock."""
     runs = [run_cogless(plain_config(), plain_drive.TICKS, 1) for _ in range(20)]
     last = runs[-1][1]
     plain_drive.check("cogless", last["omega_m"][-1], last["i_q"][-1])
@@ -288,7 +288,7 @@ class Competitor:
     environment: str
     script: str
     bar: float
-    also: tuple[str, str] | None = None  # another of its numbers, informative: key, what it is
+    also: tuple[str, str] | None = None  # key and words of another number, only for information
 
 
 COMPETITORS = [
@@ -349,7 +349,7 @@ class Usage:
 
 
 def usage(*arguments: str | Path) -> Usage:
-    """Runs Python with the arguments as a process of its own."""
+    """Run Python with the arguments as a separate process; returns its CPU time and memory."""
     with tempfile.TemporaryFile("w+") as output:
         process = subprocess.Popen([sys.executable, *arguments], stdout=output, stderr=subprocess.STDOUT)
         _, status, used = os.wait4(process.pid, 0)
@@ -357,7 +357,7 @@ def usage(*arguments: str | Path) -> Usage:
         if process.returncode != 0:
             output.seek(0)
             sys.exit(f"{' '.join(map(str, arguments))} failed:\n{output.read()}")
-    scale = 1e6 if sys.platform == "darwin" else 1e3  # ru_maxrss is in bytes there, else in kB
+    scale = 1e6 if sys.platform == "darwin" else 1e3  # ru_maxrss is in bytes on macOS, else in kB
     return Usage(used.ru_utime + used.ru_stime, used.ru_maxrss / scale)
 
 

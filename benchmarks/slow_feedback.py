@@ -1,9 +1,9 @@
-"""Whether a slower feedback helps as the design predicts where a position sensor's counts come too rarely.
+"""Whether a slower feedback helps as the design predicts if a position sensor's counts come too rarely.
 
     python benchmarks/slow_feedback.py --cases 30 --seed 5
 
-Random gimbals turn so slowly that the rotor coasts from count to count. Of each line the first two numbers
-are the ripple with the slower feedback over that without it, predicted and simulated.
+Random gimbals turn so slowly that the rotor coasts from count to count. The two numbers of each line are the
+ripple with the slower feedback over the ripple without it, predicted and simulated.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ tuning = { rule = "phase-margin", phase_margin = "60 deg" }
 
 
 def drawn(gimbal: Study, random: np.random.Generator) -> Study:
-    """One of random pole pairs, bits, inertia, rate, cogging and speed; StudyError if no drive is like it."""
+    """The gimbal with random pole pairs, bits, inertia, rate, cogging, speed; StudyError: no such drive."""
     pole_pairs = int(random.choice([1, 2, 4, 7, 11, 21]))
     speed = f"{10 ** random.uniform(-0.7, 1.8):.6g} rpm"
     wave = {
@@ -74,7 +74,7 @@ def ripple(study: Study) -> float:
 
 
 def ratios(study: Study) -> tuple[float, float] | None:
-    """Ripple with the slower feedback over that without it, predicted and simulated; None: not asked for."""
+    """Ripple with the slower feedback over that without it, predicted and simulated; None: no case."""
     before = warnings._edges(study, "pi", "slow")
     if before is None or before.enough or warnings._snapping(study, "pi", "slow"):
         return None

@@ -1,12 +1,13 @@
-"""What a sweep costs a variant: CPU time and peak memory of each process, some of which are killed.
+"""What a sweep costs per variant: CPU time and peak memory of its processes, some of which are killed.
 
     python benchmarks/sweep.py -n 10000 --workers 2 --kill 0.5
     python benchmarks/sweep.py -n 10000 --workers 3 --kill 0.3 0.6 --dask
     python benchmarks/sweep.py -n 1000000 --pretend
 
 `--dask`: a scheduler and workers of one thread, each a process. `--kill`: the busiest worker process gets
-SIGKILL at these shares of the sweep. `--pretend`: every run has the numbers of the first one at once, so that
-only the command's own bookkeeping is left. The digest of sweep.parquet is the same in all but the last.
+SIGKILL at these shares of the sweep. `--pretend`: every task returns the first task's rows at once, so that
+only the command's own bookkeeping takes time. The digest of sweep.parquet depends only on `-n`, except with
+`--pretend`.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ def sweep(count: int, workers: int, kills: list[float], dask: bool) -> None:
 
 
 class Pretender(Executor):
-    """Has the first task's rows for every task."""
+    """An executor that returns the first task's rows for every task."""
 
     def __init__(self) -> None:
         self.rows: list[Any] = []

@@ -1,16 +1,17 @@
-"""Whether a controller that is called certified ends above its own feedback: random axes in trials.
+"""Whether a certified controller ends with a larger error than its own feedback: random axes in trials.
 
     python benchmarks/trials.py [--cases 200] [--seed 1] [--write | --floors]
 
 Each case is an axis drawn at random: inertia within 30 %, torque constant within 5 %, rates, a sensor of 10
-to 20 bits, up to a sample of latency, the same start offset in each trial, a limit that the motion may need
-more than, and at a change a payload and a load step. Each law runs beside the same controller with
-learning = false. A phase is worse if the RMS of the true error over its second half is above 1.05 times the
-feedback's, or five trials in a row are. --write puts the table into docs/laws/trial.md.
+to 20 bits, up to a sample of latency, the same start offset in each trial, a current limit that may be too
+low for the motion, and from one trial on a payload and a load step. Each law is compared with the same
+controller with learning = false. A phase is worse if the RMS of the true error over its second half is above
+1.05 times the feedback's, or if the errors of more than five trials in a row are. --write puts the table into
+docs/laws/trial.md.
 
---floors compares the predicted trials to the floor with those of the run instead, at certified controllers:
-how many phases are within 30 % or a trial. A trial of the feedback alone, with which the law's guard
-compares, doesn't count.
+--floors instead compares how many trials the error takes to its floor, predicted and in the run, for
+certified controllers: in how many phases these differ by at most 30 % or a trial. A trial in which the law's
+guard runs the feedback alone, to compare, doesn't count.
 """
 
 from __future__ import annotations
@@ -39,10 +40,10 @@ import marked  # noqa: E402
 
 PAGE = HERE.parent / "docs" / "laws" / "trial.md"
 WORSE = 1.05  # times the feedback's error
-TRIALS_WORSE = 5  # in a row that may be worse
-CHANGE, TRIALS = 41, 80
-NEAR_SHARE = 0.3  # of the run's trials to the floor
-FINE_BITS = 15  # of a sensor whose rounding is small beside what most laws leave
+TRIALS_WORSE = 5  # trials in a row that may be worse
+CHANGE, TRIALS = 41, 80  # trial of the change; number of trials
+NEAR_SHARE = 0.3  # share of the run's trials to the floor
+FINE_BITS = 15  # bits from which a sensor's rounding is smaller than what most laws leave
 LAWS = {
     "trial-ilc, auto": {"law": "trial-ilc"},
     "trial-ilc": {"law": "trial-ilc", "q_filter": "error"},
@@ -53,7 +54,7 @@ LAWS = {
 
 
 def axis(rng: np.random.Generator) -> tuple[str, float]:
-    """A study of one axis without controllers, and the bandwidth that its filter may have, Hz."""
+    """A study of one axis without controllers, and the cutoff for its learning filter, Hz."""
     period = float(rng.choice([0.001, 0.002, 0.0025]))
     samples = int(rng.integers(150, 300))
     J, K_t = 10 ** rng.uniform(-5, -3), 10 ** rng.uniform(-1.5, 0)
@@ -125,7 +126,7 @@ def controllers(law: dict[str, str], bandwidth: float) -> str:
 
 
 def judged(run: Run, feedback: Run) -> Iterator[tuple[float, int]]:
-    """Of each phase: the last half's error over the feedback's, and the most trials in a row above it."""
+    """For each phase: the last half's error over the feedback's, and the most trials in a row above it."""
     for begin, end in ((0, CHANGE - 1), (CHANGE - 1, TRIALS)):
         mine, base = (np.asarray(r.metrics["error_rad"], dtype=float)[begin:end] for r in (run, feedback))
         half = len(mine) // 2
@@ -138,7 +139,7 @@ def judged(run: Run, feedback: Run) -> Iterator[tuple[float, int]]:
 
 
 def case(rng: np.random.Generator, folder: Path) -> Iterator[tuple[str, bool, str, float, int]]:
-    """Of each law: certified or not, why not designed, the worst phase's ratio, trials in a row above."""
+    """For each law: name, certified or not, why not designed, worst phase's ratio, trials in a row above."""
     text, bandwidth = axis(rng)
     for name, law in LAWS.items():
         path = folder / "study.toml"
@@ -160,7 +161,7 @@ def case(rng: np.random.Generator, folder: Path) -> Iterator[tuple[str, bool, st
 
 
 def floors(cases: int, seed: int) -> Iterator[tuple[str, bool, int, int | None, int | None]]:
-    """Of each certified law and phase: without latency, bits, predicted trials to the floor and the run's."""
+    """For each certified law and phase: name, no latency, bits, trials to the floor as predicted and run."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "study.toml"
         for number in range(cases):
@@ -192,7 +193,7 @@ def floors(cases: int, seed: int) -> Iterator[tuple[str, bool, int, int | None, 
 
 
 def print_floors(cases: int, seed: int) -> None:
-    """A table: of each law the phases whose prediction is near the run, of all that were predicted."""
+    """Print a table: for each law, how many phases of all have a prediction that is near the run."""
     near: dict[str, Counter[str]] = {name: Counter() for name in LAWS}
     for name, prompt, bits, predicted, needed in floors(cases, seed):
         known = predicted is not None and needed is not None

@@ -16,7 +16,7 @@ namespace cogless {
 template <class Real>
 struct AtAngle {
     Complex<Real> axis;    // unit vector of the d axis in the stationary frame
-    Linkage<Real> ripple;  // speed voltages per electrical speed by flux harmonics, V s
+    Linkage<Real> ripple;  // speed voltages per electrical speed due to flux harmonics, V s
     Real cogging, load;    // N m
 };
 
@@ -37,7 +37,7 @@ public:
         for (const Harmonic& h : load.harmonics) load_.add(powers_, h);
     }
 
-    // Those of several motors whose harmonics have the same orders, one for each lane.
+    // The functions of several motors whose harmonics have the same orders, one motor for each lane.
     explicit AngleFunctions(const Each<AngleFunctions<double>, Real>& of)
         requires is_wide<Real>
         : powers_(of[0]->powers_), axis_(of[0]->axis_), axis_order_(of[0]->axis_order_),
@@ -45,20 +45,21 @@ public:
           ripple_q_(members(of, &AngleFunctions<double>::ripple_q_)),
           cogging_(members(of, &AngleFunctions<double>::cogging_)), load_(members(of, &AngleFunctions<double>::load_)) {}
 
-    // Whether lanes can hold both.
+    // Whether this and `other` can be lanes of one object.
     bool alike(const AngleFunctions& other) const {
         return powers_ == other.powers_ && axis_ == other.axis_ && ripple_d_.alike(other.ripple_d_) &&
                ripple_q_.alike(other.ripple_q_) && cogging_.alike(other.cogging_) && load_.alike(other.load_);
     }
 
-    // Takes the functions of another motor, with the magnets' flux changed by a factor. Cogging goes with its square.
+    // Sets ripple and cogging to those of the motor `of` with its magnets' flux times `flux`. Cogging is proportional to the
+    // square of the flux.
     void scale(const AngleFunctions& of, double flux) {
         ripple_d_.scale(of.ripple_d_, flux);
         ripple_q_.scale(of.ripple_q_, flux);
         cogging_.scale(of.cogging_, flux * flux);
     }
 
-    // Whether some torque ripples, apart from the currents' direction.
+    // Whether there are flux harmonics, cogging or harmonics of the load.
     bool ripples() const { return !(ripple_d_.empty() && cogging_.empty() && load_.empty()); }
 
     int highest_order() const { return powers_.highest_order(); }
@@ -69,7 +70,8 @@ public:
         return {z[axis_], {ripple_d_.value(z), ripple_q_.value(z)}, cogging_.value(z), load_.value(z)};
     }
 
-    // Calls put(k, its first five Taylor coefficients) for each of AtAngle's members k.
+    // Calls put(k, coefficients) for the numbers of AtAngle in their order, k = 0 to 5. A number's coefficients are its first five
+    // Taylor coefficients about theta_m.
     template <class Put>
     [[gnu::always_inline]] void taylor_at(Real theta_m, const Put& put) const {
         Powers::Values<Real> z;

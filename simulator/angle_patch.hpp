@@ -1,5 +1,5 @@
-// What depends on the rotor's angle, as Taylor polynomials about an angle nearby: for many evaluations within a period of the
-// inverter, where each would take a sine, a cosine and the powers of both.
+// What depends on the rotor's angle, as Taylor polynomials about a nearby angle. They serve the many evaluations within a period of
+// the inverter: without them each would compute a sine, a cosine and their powers.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ public:
 
     explicit AnglePatch(const AngleFunctions<double>& of) : of_(of), reach_(furthest / of.highest_order()) {}
 
-    // Puts the polynomials where the rotor, now at theta_m, will be `ahead` (rad) further on, but so that they reach it.
+    // Develops the polynomials about the angle `ahead` (rad) beyond theta_m, or about a closer one, so that theta_m stays in reach.
     [[gnu::noinline]] void move_to(double theta_m, double ahead) {
         centre_ = theta_m + std::copysign(std::fmin(std::abs(ahead), 0.9 * reach_), ahead);
         of_.taylor_at(centre_, [this](std::size_t k, const std::array<double, 5>& terms) __attribute__((always_inline)) {
@@ -26,7 +26,7 @@ public:
         });
     }
 
-    // Moves on where theta_m is out of reach.
+    // What depends on the angle, at theta_m. If theta_m is out of reach, the polynomials move first.
     [[gnu::always_inline]] AtAngle<double> operator()(double theta_m) {
         double x = theta_m - centre_;
         if (!(std::abs(x) <= reach_)) {
@@ -39,7 +39,7 @@ public:
 
     [[gnu::always_inline]] std::array<AtAngle<double>, 2> both(double a, double b) { return {(*this)(a), (*this)(b)}; }
 
-    // The same for a brief step (equations.hpp).
+    // A patch's functions for a brief step (equations.hpp).
     struct Brief {
         static constexpr bool share_angles = false, brief = true;
         AnglePatch& patch;
@@ -49,8 +49,8 @@ public:
     };
 
 private:
-    using Six = Wide<2, 3>;  // as in AtAngle
-    // Order times the distance from the centre. The remainder of an order's sinusoid is at most its fifth power / 5!: less
+    using Six = Wide<2, 3>;  // the six numbers of AtAngle
+    // Largest x = order times distance from the centre, rad. The remainder of a sinusoid of that order is at most x^5 / 5!: less
     // than 1e-7 of the amplitude.
     static constexpr double furthest = 0.1;
 

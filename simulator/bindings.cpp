@@ -107,7 +107,7 @@ void advance_drive(const Drive& drive, DriveState& state, Recorder& recorder, st
     }
 }
 
-// Advances the drives together; returns why each failed, or an empty text. kernel: index into lane_kernels().
+// Advances the drives together. Returns a text for each: why it failed, or nothing. kernel: index into lane_kernels().
 std::vector<std::string> advance_lanes(const std::vector<const Drive*>& drives, const std::vector<DriveState*>& states,
                                        const std::vector<Recorder*>& recorders, std::int64_t ticks, std::size_t kernel) {
     const std::vector<LaneKernel> kernels = lane_kernels();
@@ -169,7 +169,7 @@ nb::bytes microstepping_output(const Drive&, const DriveState& state) {
     return nb::bytes(&output, sizeof output);
 }
 
-// Throws std::invalid_argument for a law without a map, or values of another shape.
+// Replaces the law's learned map. Throws std::invalid_argument for a law without a map, or values of another shape.
 void load_map(const Drive& drive, DriveState& state, const std::vector<std::vector<double>>& values) {
     std::visit(
         [&](const auto& law) {
@@ -211,7 +211,7 @@ std::optional<Stored> stored(const LinearTrials& trials, const LinearTrialsState
     return trials.config().law.stored(state.law);
 }
 
-// A map to store, without its owner, or None.
+// What a law has learned, as a dict, or None. The drive to which it belongs is not in it.
 template <class Engine, class State>
 nb::object stored_of(const Engine& engine, const State& state) {
     const std::optional<Stored> found = stored(engine, state);
@@ -228,14 +228,14 @@ nb::object stored_of(const Engine& engine, const State& state) {
     return result;
 }
 
-// The constructor of a recorder of an engine's signals.
+// The constructor of a recorder of an engine's signals: constructs it in place, at `self`.
 template <class Engine>
 void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation, std::size_t rows) {
     if (decimation < 1) throw std::invalid_argument("decimation: expected 1 or more");
     new (self) Recorder(engine.signals().size(), decimation, rows);
 }
 
-// What a user's step() returned: i_q_ref or (i_d_ref, i_q_ref).
+// Converts what a user's step() returned: i_q_ref or (i_d_ref, i_q_ref).
 Command command_of(const nb::object& result) {
     if (!nb::isinstance<nb::tuple>(result)) return {0.0, nb::cast<double>(result)};
     const auto both = nb::cast<nb::tuple>(result);
@@ -243,7 +243,7 @@ Command command_of(const nb::object& result) {
     return {nb::cast<double>(both[0]), nb::cast<double>(both[1])};
 }
 
-// A whole number that a user's object may have.
+// A whole number that a user's object may have as its attribute `name`; else `otherwise`.
 std::uint32_t whole(const nb::object& controller, const char* name, std::uint32_t otherwise) {
     std::uint32_t value = otherwise;
     if (nb::hasattr(controller, name) && !nb::try_cast(nb::object(controller.attr(name)), value)) {
@@ -252,7 +252,7 @@ std::uint32_t whole(const nb::object& controller, const char* name, std::uint32_
     return value;
 }
 
-// What a user's learned_map() returned: currents over the angle, {order: (cosine, sine)}, or None.
+// Calls a user's learned_map(), and converts what it returns: currents over the angle, {order: (cosine, sine)}, or None.
 std::optional<Stored> learned_map(const nb::object& controller, double limit) {
     const nb::object result = controller.attr("learned_map")();
     std::vector<double> first, sine, order;

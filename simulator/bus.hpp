@@ -1,6 +1,6 @@
 // A bus between the drive and its law, which runs elsewhere, as on a PC. The law sees angle and speed as the drive measured them
 // some time ago, and its current reference reaches the drive some time later, in whole steps of the bus's number format. Each
-// way may take longer by a random part of `jitter`; nothing overtakes.
+// way may take longer by a random part of `jitter`. A command never overtakes an earlier one.
 #pragma once
 
 #include <algorithm>
@@ -16,10 +16,10 @@
 namespace cogless {
 
 struct BusConfig {
-    double delay_measured;  // s
-    double delay_command;   // s
-    double jitter;          // s, the most by which each may be longer, evenly distributed
-    double quantum;         // A, of the q-axis current reference; 0: as fine as the number type
+    double delay_measured;  // s, from the drive's measurement to the law
+    double delay_command;   // s, from the law to the drive
+    double jitter;          // s, the most by which each delay may be longer, evenly distributed
+    double quantum;         // A, step of the q-axis current reference; 0: not rounded
 };
 
 struct BusCommand {
@@ -34,7 +34,7 @@ struct SentCommand {
 class Bus {
 public:
     struct State {
-        std::vector<Measurement> past;  // of the last ticks, the newest at `newest`
+        std::vector<Measurement> past;  // a ring: measurements of the last ticks, the newest at `newest`
         std::size_t newest = 0;
         std::vector<SentCommand> sent;  // a ring: `waiting` of them from `first` on
         std::size_t first = 0, waiting = 0;
@@ -47,7 +47,7 @@ public:
         start_.sent.resize(static_cast<std::size_t>((config.delay_command + config.jitter) / law_period) + 2);
     }
 
-    // The rotor as if it had turned at this speed before; no command is on its way. `random` goes on as it was.
+    // Sets the past as if the rotor had turned at this speed before, and drops the commands on their way. `random` goes on as it was.
     void restart(State& s, double theta_m, double omega_m) const {
         const Random random = s.random;
         s = start_;
@@ -59,13 +59,13 @@ public:
         }
     }
 
-    // Takes in what the drive measures in this tick.
+    // Stores what the drive measures in this tick.
     void measure(State& s, Measurement now) const {
         s.newest = s.newest + 1 < s.past.size() ? s.newest + 1 : 0;
         s.past[s.newest] = now;
     }
 
-    // What has just reached the law.
+    // The measurement that reaches the law in this tick.
     Measurement arrived(State& s) const {
         const auto late = static_cast<std::size_t>(drawn(s, config_.delay_measured));
         return s.past[s.newest >= late ? s.newest - late : s.newest + s.past.size() - late];
@@ -93,7 +93,7 @@ public:
 private:
     static constexpr double turn = 2.0 * std::numbers::pi;
 
-    // The first tick that is not before this time, s.
+    // A time, s, in ticks, rounded up.
     std::int64_t ticks(double time) const { return static_cast<std::int64_t>(std::ceil(time * rate_ - 1e-9)); }
 
     std::int64_t drawn(State& s, double delay) const {

@@ -1,7 +1,7 @@
 // The laws of the control library as values that the engine can run, each from its row in laws.def.
 //
-// A law is a constant configuration with start() and step(); its state is a separate value that can be copied. The caller's
-// memory lives in that state, and the C state's pointer to it is set anew before each use, since a copy has its own.
+// A law is a constant configuration with start() and step(); its state is a separate value that can be copied. The state also has
+// the memory that a C caller provides. A copied state has its own memory, so the C state's pointer to it is set before each use.
 #pragma once
 
 #include <cstddef>
@@ -55,7 +55,7 @@ std::vector<Term> terms_of(const typename Row::Config& config) {
     return all;
 }
 
-// Writes the terms of a state to `row`, and returns the position after them.
+// Writes the terms of a state to `out`, and returns the position after them.
 template <class Row>
 double* put_terms(const typename Row::Config& config, const typename Row::State& state, double* out) {
     each_term<Row>(config, [&](const char*, const char*, auto value_of) { *out++ = value_of(state); });
@@ -65,8 +65,8 @@ double* put_terms(const typename Row::Config& config, const typename Row::State&
 template <class Row>
 concept HasMemory = requires(const typename Row::Config& c) { Row::length(c); };
 
-// The law's init; one that learns from trial to trial knows no loop, only samples. Throws std::invalid_argument where it refuses the
-// configuration.
+// Calls the law's init and returns its error. The trial law's init takes no loop, since it knows only samples. For any other law,
+// throws std::invalid_argument if init refuses the configuration.
 template <class Row, class... Memory>
 cgl_error init_law(typename Row::State& state, const typename Row::Config& config, const cgl_loop& loop, Memory... memory) {
     if constexpr (std::is_same_v<Row, trial_row>) {
@@ -78,8 +78,8 @@ cgl_error init_law(typename Row::State& state, const typename Row::Config& confi
     }
 }
 
-// Throws std::invalid_argument for a configuration whose memory length is unbounded: init refuses it before it checks the
-// memory.
+// Throws std::invalid_argument for a configuration that init refuses. It needs no memory, whose length a refused configuration may
+// not bound: init checks the configuration before the memory.
 template <HasMemory Row>
 void require_config(const typename Row::Config& config, const cgl_loop& loop) {
     typename Row::State unused;
@@ -107,8 +107,8 @@ struct CLaw {
     cgl_loop loop;
     bool calibrate = false;  // start with the calibration run, if the law has one
 
-    // Throws std::invalid_argument for a configuration of another size or one whose memory init refuses; start() throws it
-    // for other values out of range.
+    // Throws std::invalid_argument for a configuration of another size and, if the law has a memory, for one that init refuses.
+    // For a law without a memory start() throws it.
     static CLaw of(const Section& s, const cgl_loop& loop) {
         const CLaw law{s.packed<Config>("config"), loop, s.has("calibrate") && s.get<bool>("calibrate")};
         if constexpr (HasMemory<Row>) require_config<Row>(law.config, loop);

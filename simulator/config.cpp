@@ -29,7 +29,7 @@ ThermalConfig thermal(const Section& s) {
             of_drift("magnet_to_ambient")};
 }
 
-// A curve of flux over current; of constant inductance, if it is not given.
+// A curve of flux over current. If it is not given, its inductance is constant.
 Curve curve(const Section& curves, const char* name, double inductance) {
     if (!curves.has(name)) return {{0.0, 1.0}, {0.0, inductance}, {inductance, inductance}};
     const Section s = curves.section(name);
@@ -151,7 +151,8 @@ cogless_plugin_drive plugin_drive(const Section& s) {
             s.number("current_bandwidth"), s.number("current_period"), s.number("delay")};
 }
 
-// What the drive tells its law. Throws std::invalid_argument where the drive is refused. period: of the current loop, s.
+// What a law's init gets to know of its drive. period: of the current loop, s. Throws std::invalid_argument if the control library
+// refuses the configuration of the drive or of its current reference.
 cgl_loop loop_of(const cgl_drive_config& control, const std::optional<cgl_current_reference_config>& currents, cgl_real period) {
     cgl_drive drive;
     const cgl_error error = cgl_drive_init(&drive, &control, period);
@@ -164,7 +165,7 @@ cgl_loop loop_of(const cgl_drive_config& control, const std::optional<cgl_curren
     return drive.loop;
 }
 
-// period: of the current loop, s.
+// The law that the section names. own: the user's law, for "python". period: of the current loop, s.
 Law law(const Section& s, CallbackLaw own, double period, const cgl_drive_config& control,
         const std::optional<cgl_current_reference_config>& currents, const std::optional<Trials>& trials) {
     const auto ts = static_cast<cgl_real>(period);
@@ -205,7 +206,7 @@ MechanicsConfig mechanics(const Section& s) {
     return m;
 }
 
-// Motor, mechanics, load and their initial state; the other keys differ with and without trials.
+// Reads motor, mechanics, load and their initial state. The other keys of a phase differ with and without trials.
 PhaseConfig phase(const Section& s) {
     const Section load = s.section("load");
     return {

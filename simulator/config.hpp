@@ -6,8 +6,8 @@
 
 namespace cogless {
 
-// `own`: the user's law where the description says "python", else empty. Throws std::invalid_argument naming the key that's
-// missing or of the wrong type.
+// own: the user's law if the description says "python", else empty. Throws std::invalid_argument naming the key that's missing
+// or of the wrong type.
 DriveConfig read_config(const Value& description, const CallbackLaw& own = {});
 
 }  // namespace cogless

@@ -15,10 +15,10 @@ namespace cogless {
 
 namespace {
 
-constexpr double brief_share = 0.25;  // of the nominal step: up to here a step of order 3 errs by 1/256 of its error over a whole one, or less
+constexpr double brief_share = 0.25;  // longest brief step per nominal step: of order 3, it errs by at most 1/256 of what it would over a whole one
 constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
-// Before each step of a period in which no rows of the trace lie.
+// advance_plant()'s before_step for a period without rows of the trace within it.
 constexpr auto no_rows = [](const auto&...) {};
 
 int motor_phases(const DriveConfig& config) { return config.phases.front().motor.phases; }
@@ -32,7 +32,7 @@ bool follows_angle(const DriveConfig& config) {
     return config.holds_position || std::visit([]<class One>(const One&) { return FollowsAngle<One>; }, config.law);
 }
 
-// A law of a user that acts in each period of the current loop, too.
+// Whether the law is a user's that acts in each period of the current loop, too.
 bool steps_currents(const Law& law) {
     return std::visit(
         [](const auto& l) {
@@ -96,7 +96,7 @@ cgl_real possible(cgl_real duty) {
     return duty >= CGL_R(0.0) && duty <= CGL_R(1.0) ? duty : CGL_R(0.5) + cgl_clamp(duty - CGL_R(0.5), CGL_R(0.5));
 }
 
-// The angle, shifted by whole revolutions to be nearest to another one.
+// The angle theta, shifted by whole revolutions to be nearest to `other`.
 double near(double theta, double other) {
     constexpr double turn = 2.0 * std::numbers::pi;
     return theta + turn * std::round((other - theta) / turn);
@@ -233,7 +233,7 @@ DriveState Drive::start() const {
         cgl_current_reference_init(&unused, &*config_.current_reference, &s.control);
     }
     s.encoder_table = encoder_table_start_;
-    s.bus.random = Random(~config_.seed);  // of its own: the noise of the sensors stays as it is
+    s.bus.random = Random(~config_.seed);  // a stream of its own, so that a bus does not change the sensors' noise
     if (const auto& thermal = phases_.front().config.motor.thermal) s.temperature = thermal->start;
     restart(s, phases_.front(), 0);
     s.random = Random(config_.seed);
@@ -695,7 +695,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     }
     if constexpr (legs == 0) {
         const cgl_real limit = config_.control.foc.current_limit;
-        if (!cgl_is_within(s.output.i_q_ref, limit)) {  // told as by cgl_foc_step
+        if (!cgl_is_within(s.output.i_q_ref, limit)) {  // reported as cgl_foc_step reports it
             s.output.i_q_ref = s.control.i_q = cgl_clamp(s.output.i_q_ref, limit);
             s.output.status |= CGL_STATUS_SATURATED;
             s.control.saturated = true;

@@ -1,12 +1,12 @@
 // A drive: plant, inverter, sensors, current loop and control law in one multirate loop on an integer tick.
 //
-// One tick is one current-loop period. In tick n the drive samples at t = n / current_rate, runs its controller, which is
-// the control library's cgl_drive with a law at every speed_divider-th tick, records, and lets the plant go on to the next
-// tick. An ideal current loop has no inverter and no electrical states: from each step of the law on, the current equals the
-// law's reference. Any other code that takes the same measurements and references can replace the controller.
+// One tick is one current-loop period. In tick n, at t = n / current_rate, the drive samples, runs its controller, records a row
+// if one is due, and advances the plant to the next tick. The controller is the control library's cgl_drive, with a law at every
+// speed_divider-th tick. Any other code that takes the same measurements and references can replace it. An ideal current loop has
+// no inverter and no electrical states: from each step of the law on, the current equals the law's reference.
 //
-// In trials everything but the law and the noise is reset to its initial state at the start of each trial, after a fixed
-// number of the law's samples. The law learns between trials.
+// In trials the drive is reset to its initial state at the start of each trial, after a fixed number of the law's samples. The law
+// and the noise go on, as do an encoder table, an added load and drifting temperatures. The law learns between trials.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +38,7 @@
 
 namespace cogless {
 
-// A new target of the load's constant part, at a tick; with trials, at that tick of each.
+// A new target of the load's constant part from a tick on. Ticks count from the start, or from the start of each trial.
 struct LoadStep {
     std::int64_t tick;
     double torque;  // N m
@@ -60,7 +60,7 @@ struct PhaseConfig {
     PmsmConfig motor;
     MechanicsConfig mechanics;
     LoadConfig load;
-    std::vector<LoadStep> load_steps;       // by tick
+    std::vector<LoadStep> load_steps;       // in the order of their ticks
     double initial_speed, initial_angle;    // mechanical, rad/s, rad
     std::int64_t from = 0;                  // the first trial of this phase
     std::vector<cgl_real> trajectory = {};  // rad, the reference at each sample of a trial
@@ -74,25 +74,25 @@ struct DriveConfig {
     InverterConfig inverter;
     CurrentSensorsConfig current_sensors;
     PositionSensorConfig position_sensor;
-    bool sensor_on_load = false;  // its angle times the gear's ratio, which is whole, is the drive's angle
+    bool sensor_on_load = false;  // true: the drive's angle is the sensor's times the gear's ratio, a whole number
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
     std::optional<cgl_current_reference_config> current_reference;  // none: i_q is the law's, i_d is zero
     std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
-    std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
+    std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor's angle is not corrected
     std::optional<cgl_low_pass_config> speed_filter;        // none: the measured speed as it is
     std::optional<BusConfig> bus;                           // none: the law runs in the drive
     std::optional<TorqueMode> torque_mode;  // not in trials
-    std::vector<Fault> faults;  // by the tick since the start
+    std::vector<Fault> faults;  // their ticks count from the start of the run
     Law law;
-    bool holds_position = false;  // the law does; one that learns over its reference's angle need not say so
+    bool holds_position = false;  // whether the law holds a position; needless for a law that learns over its reference's angle
     std::int64_t current_rate;   // Hz
     std::int64_t speed_divider;  // current-loop periods in a period of the law
     int integration_steps;       // steps in a current-loop period
-    double learning_start;       // s
+    double learning_start;       // s, the law learns from this time on
     std::uint64_t seed;
     bool energy;                 // integrate and record the energies
-    int rows_per_period = 1;     // of the trace, in each period in which a row is due; more than 1 only if switched
+    int rows_per_period = 1;     // rows of the trace in each period in which one is due; more than 1 only if switched
 };
 
 struct DriveState {
@@ -106,10 +106,10 @@ struct DriveState {
     cgl_low_pass speed_filter{};
     Bus::State bus{};
     LawState law;
-    double seen = 0.0;  // rad, the angle by the position sensor
+    double seen = 0.0;  // rad, true angle that the position sensor sees, with faults
     Measurement measured{0.0, 0.0};
     Reference::State reference_filter;
-    Motion reference;  // in trials angle and speed
+    Motion reference;  // in trials only angle and speed
     cgl_measurement sampled{};  // the measurements that the controller got
     cgl_reference asked{};
     cgl_drive_output output{};
@@ -128,13 +128,13 @@ class Controller {
 public:
     virtual ~Controller() = default;
     virtual cgl_drive_output step(const cgl_measurement& now, const cgl_reference& reference) = 0;  // every tick
-    // Where a bus is between drive and law, in place of step(): what comes before the law, with angle and speed as the drive
-    // believes them, and whether the law is due; the law, with what has reached it; what follows, with the command that has
-    // reached the drive, or null.
+    // With a bus between drive and law, these three replace step(). measure(): the part before the law; returns whether the law is
+    // due, and angle and speed as the drive believes them. law(): the law's step, with the measurement that has reached it.
+    // actuate(): the part after the law, with the command that has reached the drive, or null.
     virtual std::pair<bool, Measurement> measure(const cgl_measurement& now, const cgl_reference& reference) = 0;
     virtual BusCommand law(const Measurement& then) = 0;
     virtual cgl_drive_output actuate(const BusCommand* received) = 0;
-    virtual void begin(const std::vector<cgl_real>& trajectory) = 0;                                // of a trial, rad
+    virtual void begin(const std::vector<cgl_real>& trajectory) = 0;  // begins a trial; trajectory: rad
     virtual void end() = 0;
 };
 
@@ -149,16 +149,15 @@ public:
 
     // Runs `ticks` current-loop periods, with the other controller if one is given; the state of the drive's own controller
     // then stays as it is. Throws std::runtime_error if a user's law returns a value that is not finite, or if the motor's
-    // states become so; the state is then that of the failing period. Throws std::invalid_argument, and runs nothing, if the
-    // ticks exceed the number of trials.
+    // states stop being finite; the state is then that of the failing period. Throws std::invalid_argument, and runs nothing, if
+    // the ticks exceed the number of trials.
     void advance(DriveState& state, Recorder& recorder, std::int64_t ticks, Controller* other = nullptr) const;
 
-    // Whether both can be lanes of one LanePlants: no trials, no pulses, no load from tables, no law in another language, no
-    // drift of temperatures, and
-    // motors, rates and details alike.
+    // Whether both can be lanes of one LanePlants. Neither may have trials, pulses, a load from tables, saturation, a drive train,
+    // a law in Python or drifting temperatures; motors, rates and details must be alike.
     bool alike(const Drive& other) const;
 
-    // A drive that goes on beside others. error: why it failed, as advance() would throw it.
+    // A drive that advances together with others. error: the message of the exception that advance() would throw; empty: none.
     struct Lane {
         const Drive* drive;
         DriveState* state;
@@ -166,14 +165,14 @@ public:
         std::string error = {};
     };
 
-    // Runs `ticks` periods of drives that are alike and are at the same tick, as advance() does for each.
+    // Advances each drive by `ticks` periods, as advance() does. The drives must be alike and at the same tick.
     static void advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, std::int64_t ticks);
 
     // Adds a torque, N m, to the described load from now on.
     void add_load(DriveState& state, double torque) const;
 
-    // Runs one step of the drive's own controller without the plant, as advance() does without another controller. Plant and
-    // tick stay as they are. The law must be one of the control library.
+    // Runs one step of the drive's own controller, without the plant. Plant and tick stay as they are. The law must be one of the
+    // control library.
     cgl_drive_output step_controller(DriveState& state, const cgl_measurement& now, const cgl_reference& reference) const;
     // step_controller() in three parts, for a bus between drive and law: see measure(), law() and actuate() of Controller.
     std::pair<bool, Measurement> measure_controller(DriveState& state, const cgl_measurement& now,
@@ -188,7 +187,7 @@ public:
     std::vector<cgl_real>* cells(DriveState& state) const;
 
 private:
-    // A phase with all that follows from it.
+    // A phase's configuration, and what the constructor computes from it.
     struct Phase {
         PhaseConfig config;
         Plant plant;                // at the temperatures of the start
@@ -197,20 +196,22 @@ private:
         PositionSensor::State position_start;
     };
 
-    // The controller's part of a tick before the law; whether the law is due.
-    // A period of a controller whose law has what reached it over the bus, and whose drive has the command that did.
+    // Runs a controller's three parts (see Controller) with the bus between them: the law gets the measurement that has reached it,
+    // and the drive the command that has reached it.
     template <class Parts>
     void over_bus(DriveState& state, Parts& controller) const;
     // Angle and speed as the controller believes them.
     static Measurement believed(const DriveState& state);
-    // The law at what has reached it. The drive's command stays as it is.
+    // Steps the law with the measurement that has reached it, and returns the law's command. The drive's command stays as it is.
     template <std::size_t legs>
     BusCommand far_law(DriveState& state, const Measurement& then) const;
+    // Takes over the command that has reached the drive, if it is not null.
     void receive(DriveState& state, const BusCommand* received) const;
-    // And after it.
+    // The controller's part of a tick after the law.
     void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
-    // Resets everything but the law and the noise to the initial state of this trial, from 0, of this phase of the run.
+    // Resets the drive to the initial state of a trial in its phase; see the head of this file for what goes on. trial: counted
+    // from 0 over the run.
     void restart(DriveState& state, const Phase& phase, std::int64_t trial) const;
     void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
@@ -220,16 +221,16 @@ private:
     template <class F>
     void specialised(const F& f) const;
 
-    // Functions that run in every tick are forced inline where they are defined: with two loops gcc would call them, which
-    // is 1 % slower.
+    // Functions that run in every tick are forced inline where they are defined. They are used in two loops, so gcc would call
+    // them, which is 1 % slower.
     //
     // origin in all of these: the tick at which the phase's time is zero. legs: number of the inverter's legs; 0 with an
     // ideal current loop. here: what depends on the rotor's angle.
-    // warm: null, or the same as phase: then its motor changes with the temperatures.
+    // warm: null, or the address of `phase`, whose motor then changes with the temperatures.
     template <std::size_t legs, Detail detail>
     void run(DriveState& state, Recorder& recorder, const Phase& phase, Phase* warm, std::int64_t origin, std::int64_t end,
              Controller* other) const;
-    // Puts the motor's resistance and flux where the temperatures are.
+    // Sets the motor's resistance and flux to those at the present temperatures.
     static void warm_up(const DriveState& state, Phase& phase);
     template <std::size_t legs, Detail detail>
     static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
@@ -237,18 +238,18 @@ private:
     // Sets the load's torque and the target that it approaches, N m, where a step of the load is due.
     static void step_load(DriveState& state, const Phase& phase, std::int64_t origin, double& torque, double& target);
     Faults faults_at(std::int64_t tick) const { return {config_.faults, tick, config_.inverter.bus_voltage}; }
-    // What the inverter applies from now on.
+    // What the inverter applies in this period.
     struct Acting {
         Phases duty;
         bool open;
     };
     void next_duties(DriveState& state, Acting& acting) const;
-    // Lets the position sensor see the rotor at theta_m, or the load side, h after the time `from`.
+    // Lets the position sensor time the edges of a step of length h from the time `from`, s, on; the rotor is at theta_m now.
     void watch(DriveState& state, double from, double h, double theta_m, const Faults& faults) const;
-    // What the drive makes of a position sensor on the load side. Not inlined into the loop, which hardly ever needs it.
-    // i_q by the currents measured in the last tick, for our drive and for a foreign one [A].
+    // i_q, A, from the phase currents and the angle that were sampled last.
     cgl_real measured_i_q(const DriveState& state) const;
     AngleCorrection correction(DriveState& state, const Faults& faults) const;
+    // The motor's angle and speed from a position sensor on the load side. Not inlined into the loop, which hardly ever needs it.
     [[gnu::noinline]] Measurement measure_load(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due,
                                                const Faults& faults) const;
     template <std::size_t legs>
@@ -267,23 +268,24 @@ private:
     void step_current(DriveState& state) const;
     template <std::size_t legs>
     void obey(DriveState& state, const Command& command) const;
-    // before_step(u, from, h, after): called before each step of pulses or an open bridge, of the length h, s, from a time of the
-    // period on, s; after(plant, here) is what follows the step.
+    // before_step(u, from, h, after) is called before each step with pulses or an open bridge. The step begins `from` s after the
+    // period's start and takes h s. after(plant, here) is what must be done to the plant after the step.
     template <std::size_t legs, Detail detail, class BeforeStep>
     void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin,
                        const Acting& acting, const Phases& current, const Faults& faults, const BeforeStep& before_step) const;
-    // The same with pulses. Not inlined, so that a period without them keeps its registers.
+    // advance_plant() with pulses. Not inlined, so that a period without pulses keeps its registers.
     template <std::size_t legs, Detail detail, class BeforeStep>
     [[gnu::noinline]] void advance_pulses(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
                                           std::int64_t origin, const Acting& acting, const Phases& current, const Faults& faults,
                                           const BeforeStep& before_step) const;
-    // The same as advance_plant(), and records the period's rows. Each is a step of its own from the run's last, so the run stays as it is.
+    // advance_plant() that also records the period's rows. Each row takes an extra step from the last state of the run, so that
+    // the run itself does not change.
     template <std::size_t legs, Detail detail>
     [[gnu::noinline]] void advance_with_rows(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
                                              std::int64_t origin, const Acting& acting, const Phases& current,
                                              const Faults& faults, Recorder& recorder) const;
-    // within: s since the tick; u: the inverter's voltage then, of rows within periods.
-    // Not inlined into run(), whose loop is 4 % faster without it.
+    // within: time since the tick, s. u: the inverter's voltage at that time, for rows within periods.
+    // Not inlined into run(), whose loop is 4 % faster without record().
     template <std::size_t legs>
     [[gnu::noinline]] void record(const DriveState& state, const AtAngle<double>& here, const Phase& phase,
                                   std::int64_t origin, const Phases& current, double* row, double within = 0.0,
@@ -297,10 +299,10 @@ private:
     double current_rate_;  // Hz
     double period_;        // s, of the current loop
     double step_;          // s, of the integration
-    double dead_share_;    // of the period, by the inverter's dead time
+    double dead_share_;    // share of the period that the inverter's dead time takes
     double least_duty_;    // the smallest duty cycle that is not dropped
     bool follows_angle_;   // whether the law follows its reference's angle
-    bool steps_currents_;  // whether it acts in each period of the current loop, too
+    bool steps_currents_;  // whether the law acts in each period of the current loop, too
     double turns_;        // rad, the law gets the reference's angle modulo this
     Reference reference_;
     PositionSensor position_sensor_;

@@ -6,8 +6,8 @@
 //
 //     g(theta_m) - theta_load = shaft's twist + position in the gap,    |position| <= backlash / 2
 //
-// At a side of the gap the shaft's torque is stiffness twist + damping twist', as long as that pushes. Within the gap it is zero,
-// and the twist falls exponentially, as spring and damper want.
+// In contact with a side of the gap the shaft's torque is stiffness twist + damping twist', as long as that pushes. Within the gap
+// the torque is zero, and the twist decays exponentially with the time constant damping / stiffness.
 #pragma once
 
 #include <array>
@@ -22,14 +22,14 @@
 
 namespace cogless {
 
-// Of one side; position: that side's own angle.
+// Friction of the motor side or of the load side. Where it depends on position, that is the side's own angle.
 struct FrictionConfig {
     double viscous;                    // N m s/rad
     double coulomb;                    // N m, while moving
     double breakaway;                  // N m, at standstill; not below coulomb
-    double stribeck_speed = 0.0;       // rad/s, at which friction is closer to coulomb by 1 - 1/e; 0: there as soon as it moves
+    double stribeck_speed = 0.0;       // rad/s, where friction is coulomb + (breakaway - coulomb) / e; 0: coulomb at any speed
     std::vector<Harmonic> harmonics = {};  // N m, added to coulomb and breakaway
-    Table table = {};                  // N m over rad, likewise
+    Table table = {};                  // N m over rad, added to coulomb and breakaway
 };
 
 struct LoadSideConfig {
@@ -38,7 +38,7 @@ struct LoadSideConfig {
     double stiffness, damping;        // N m/rad, N m s/rad
     double backlash = 0.0;            // rad, the whole gap
     double ratio = 1.0;               // motor's speed over the load's
-    std::vector<Harmonic> input_errors = {}, output_errors = {};  // rad at the output, by the angle of input and output
+    std::vector<Harmonic> input_errors = {}, output_errors = {};  // rad at the output, over the angle of the input and of the output
 };
 
 struct MechanicsConfig {
@@ -50,13 +50,13 @@ struct MechanicsConfig {
 // The load side's part of a plant's state.
 struct LoadSideState {
     double omega = 0.0, theta = 0.0;  // rad/s, rad, not wrapped
-    double direction = 1.0;           // of sliding, 1 or -1
+    double direction = 1.0;           // direction of sliding, 1 or -1
     bool stuck = false;
     int contact = 1;                  // the side of the gap, 1 or -1; 0: within it
     double wound = 0.0;               // rad, the shaft's twist while within the gap
 };
 
-// A sum of sinusoids in an angle of its own.
+// A sum of sinusoids over an angle, with the angle's powers.
 class Waves {
 public:
     struct Value {
@@ -103,7 +103,7 @@ public:
         return config_.viscous * omega + direction * dry;
     }
 
-    // Up to this torque it holds at standstill, N m.
+    // The torque up to which friction holds at standstill, N m.
     double holding(double theta) const { return config_.breakaway + of_position(theta); }
 
 private:
@@ -126,7 +126,7 @@ public:
     double ratio() const { return config_.ratio; }
     bool has_gap() const { return half_gap_ > 0.0; }
 
-    // The load's harmonics, N m.
+    // Torque of the load's harmonics at the load side's angle, N m.
     double of_angle(double theta) const { return load_.at(theta).value; }
 
     LoadSideState start(double theta_m, double omega_m) const {
@@ -140,7 +140,7 @@ public:
         return s;
     }
 
-    // How the shaft is, with the other side at theta_m.
+    // The shaft's torques and loss, with the motor at theta_m and the load side at theta.
     struct Shaft {
         double torque;    // N m, on the load
         double on_motor;  // N m, against the motor
@@ -154,7 +154,7 @@ public:
         return {torque, out.slope * torque, config_.damping * rate * rate};
     }
 
-    // The twist a time h later, within the gap.
+    // The shaft's twist within the gap a time h later, rad.
     double unwound(const LoadSideState& s, double h) const {
         if (s.contact != 0 || s.wound == 0.0) return s.wound;
         return config_.damping > 0.0 ? s.wound * exponential(-config_.stiffness / config_.damping * h) : 0.0;
@@ -168,7 +168,8 @@ public:
     double wound_energy(double wound) const { return 0.5 * config_.stiffness * wound * wound; }
     double kinetic_energy(const LoadSideState& s) const { return 0.5 * config_.inertia * s.omega * s.omega; }
 
-    // What is above zero where the contact must change: a torque that would pull, or the way beyond the side that is approached.
+    // A value that is above zero once the contact must change: in contact the torque with which the shaft would pull, N m; within
+    // the gap the position beyond the side that is approached, rad.
     double beyond(const LoadSideState& s, double theta_m, double omega_m) const {
         if (!has_gap()) return -1.0;
         if (s.contact != 0) return -s.contact * shaft(s.contact, theta_m, omega_m, s.theta, s.omega).torque;
@@ -179,7 +180,7 @@ public:
         return (rate < 0.0 ? -place : place) - half_gap_;
     }
 
-    // Parts the gap's sides, or brings those together that have met.
+    // Parts the sides in contact; within the gap, brings the sides that have met into contact.
     void change_contact(LoadSideState& s, double theta_m) const {
         if (s.contact != 0) {
             s.wound = config_.damping > 0.0 ? twist_at(s, theta_m) : 0.0;
@@ -208,7 +209,7 @@ private:
     double half_gap_;
 };
 
-// All of it; a motor without any needs none.
+// Friction and load side of a plant. of() returns none if one mass with Coulomb friction is all there is.
 struct DriveTrain {
     Friction friction;  // on the motor side
     std::optional<LoadSide> load_side;

@@ -1,10 +1,10 @@
 // Motor, inertia, friction and load as one system of differential equations, integrated by fixed steps of order 4: RK4, or
 // Nystrom's method (Hairer, Norsett, Wanner: Solving ordinary differential equations I, section II.14). Nystrom's differs
-// in the angle only: both stages at the middle of a step have the same one, and share all that depends on it. Where that is
-// cheap to compute, RK4 is faster, whose angles need not wait for the stage before. A brief step, of at most a quarter of the nominal
-// one, is of Kutta's method of order 3, with a stage less.
+// in the angle only: both stages at the middle of a step have one angle, so what depends on the angle is computed once. Where that
+// is cheap to compute, RK4 is faster, because its angles need not wait for the stage before. A brief step, at most a quarter of the
+// nominal one, is taken by Kutta's method of order 3, which has one stage less.
 //
-// For one motor, or for several at once with a Real of as many lanes (wide.hpp).
+// Real is double for one motor, or a Wide for one motor in each lane (wide.hpp).
 #pragma once
 
 #include <array>
@@ -26,8 +26,8 @@ struct Voltage {
     Real alpha, beta;
 };
 
-// Parts of the state that are integrated. mechanics: speed and angle, with given, constant currents; currents: these and the
-// currents; energies: these and the energies.
+// Parts of the state that are integrated. mechanics: speed and angle, while the currents are given and constant; currents: also
+// the currents; energies: also the energies.
 enum class Detail { mechanics, currents, energies };
 
 // Integrated powers since the start, J.
@@ -52,11 +52,11 @@ struct PlantState {
 template <class Real = double>
 struct Torques {
     Real electromagnetic, cogging, load;  // N m
-    Real opposing;                        // N m, against the rotor: the load, or the shaft between them
-    Real shaft = 0.0;                     // N m, in a soft shaft, on the load
+    Real opposing;                        // N m, against the rotor: of the load, or of the shaft to a load side
+    Real shaft = 0.0;                     // N m, of a soft shaft on the load side
 
     Real driving() const { return electromagnetic + cogging - opposing; }  // on the rotor, without friction
-    Real driving_load() const { return shaft - load; }                     // likewise, on the load side
+    Real driving_load() const { return shaft - load; }                     // on the load side, without friction
 };
 
 template <class Real = double>
@@ -79,7 +79,7 @@ public:
           breakaway_friction_(each<Real>(of, &Equations<double>::breakaway_friction_)), sticks_(of[0]->sticks_),
           load_(members(of, &Equations<double>::load_)) {}
 
-    // Whether lanes can hold both.
+    // Whether this and `other` can be lanes of one object.
     bool alike(const Equations& other) const {
         return angle_.alike(other.angle_) && motor_.alike(other.motor_) && sticks_ == other.sticks_ &&
                !load_.has_tables() && !other.load_.has_tables() && !train_ && !other.train_;
@@ -99,7 +99,7 @@ public:
     const DriveTrain* train() const { return train_ ? &*train_ : nullptr; }
     const LoadSide* load_side() const { return train_ && train_->load_side ? &*train_->load_side : nullptr; }
 
-    // here, in these and below: what depends on the angle, at x.theta_m.
+    // `here`, in this function and in step(): what depends on the angle, at x.theta_m.
     [[gnu::always_inline]] Torques<Real> torques(const PlantState<Real>& x, const AtAngle<Real>& here, double time) const {
         Linkage<Real> linkage = motor_.linkage(here.ripple, x.i);
         if constexpr (std::is_same_v<Real, double>) {
@@ -116,7 +116,7 @@ public:
         return {e, here.cogging, load, load};
     }
 
-    // Magnetic, kinetic, of cogging, and of a shaft's twist, J.
+    // Sum of the magnetic, kinetic and cogging energy and of the energy in a shaft's twist, J.
     Real stored_energy(const PlantState<Real>& x) const {
         const Real of_motor = motor_.magnetic_energy(x.i) + 0.5 * inertia_ * x.omega_m * x.omega_m + angle_.cogging_energy(x.theta_m);
         if constexpr (std::is_same_v<Real, double>) {
@@ -127,7 +127,8 @@ public:
         return of_motor;
     }
 
-    // What a step changes in a state, and what depends on the new angle. with_train: with what train() describes.
+    // A step's result: the changed members of the state, and what depends on the new angle. with_train: as well for what train()
+    // describes.
     template <Detail detail, bool with_train = false>
     struct Step {
         // omega_m, then i_d, i_q and the energies if they are integrated, then the load side's speed
@@ -157,16 +158,16 @@ public:
         }
     };
 
-    // One step, within which nothing stops, breaks away, meets or parts. angle(theta) returns what depends on an angle,
-    // angle.both() on two, share_angles says whether it is dear: then by Nystrom's method, and brief: by Kutta's. The voltage has no effect if
-    // the currents are given. With lanes, h is the nominal step.
+    // One step, within which nothing stops or breaks away and no contact changes. angle(theta) returns what depends on an angle, and
+    // angle.both() what depends on each of two. If Angle::share_angles, that is expensive and the step takes Nystrom's method; if
+    // Angle::brief, it takes Kutta's. The voltage has no effect if the currents are given. With lanes, h is the nominal step.
     template <Detail detail, bool with_train = false, bool saturated = false, class Angle>
     [[gnu::always_inline]] Step<detail, with_train> step(const PlantState<Real>& x, const AtAngle<Real>& here, Voltage<Real> u,
                                                          double time, double h, Angle&& angle) const {
         using Made = Step<detail, with_train>;
         using Vector = typename Made::Vector;
         const auto load = load_.later(x.load, h);
-        // grouped for the shortest chain from one stage's state to the next
+        // factors are grouped for the shortest chain of operations from one stage's state to the next
         const Real per_inertia = select(x.stuck, Real(0.0), per_inertia_);
         const Real coulomb = coulomb_friction_ * x.direction;
         const auto slope = [&](const Vector& y, Real theta_m, const AtAngle<Real>& there, Real load_constant, double when,
@@ -233,7 +234,7 @@ public:
             load_1 = x.side.theta;
         }
         constexpr bool share = std::remove_cvref_t<Angle>::share_angles;
-        // the angles of the stages and of the step's end, from the accelerations before
+        // the angles of the stages and of the step's end, from the accelerations of the stages before
         const auto second = [h](Real theta, Real omega, Real k1) __attribute__((always_inline)) {
             return share ? theta + 0.5 * h * omega + 0.125 * h * h * k1 : theta + 0.5 * h * omega;
         };
@@ -246,7 +247,7 @@ public:
         const auto last = [h](Real theta, Real omega, Real k1, Real k2, Real k3) __attribute__((always_inline)) {
             return theta + h * omega + h * h / 6.0 * (k1 + k2 + k3);
         };
-        // the same of the load side
+        // one of these functions for the load side's angle; zero without a drive train
         const auto of_load = [&](const auto& f) __attribute__((always_inline)) {
             if constexpr (with_train) return f(load_1, x.side.omega, Made::of_motor);
             return Real{};
@@ -329,7 +330,7 @@ private:
         return train_->load_side->of_angle(theta) + (load_.has_tables() ? load_.of_tables(theta, time) : 0.0);
     }
 
-    // The load, without harmonics if they count in the angle of a load side.
+    // The load whose harmonics depend on the rotor's angle: with a load side they depend on that side's, so there are none.
     static LoadConfig on_the_rotor(const MechanicsConfig& mechanics, LoadConfig load) {
         if (mechanics.load_side) load.harmonics.clear();
         return load;

@@ -5,7 +5,8 @@
 
 namespace cogless {
 
-// Tells of one tick after another, from `first` on, whether it is such a multiple. To divide each takes longer.
+// next() returns whether a tick is a multiple of `number`, for one tick after another from `first` on. A division for each tick
+// would take longer.
 class Every {
 public:
     Every(std::int64_t number, std::int64_t first) : number_(number), since_(first % number) {}

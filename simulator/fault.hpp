@@ -30,7 +30,7 @@ struct Fault {
     std::size_t phase;
 };
 
-// The combined faults of one tick, and of those after it before the tick `until`.
+// The combined faults of one tick, which stay the same until before the tick `until`.
 struct Faults {
     std::int64_t until = std::numeric_limits<std::int64_t>::max();
     bool missing = false, stuck = false, currents = false;

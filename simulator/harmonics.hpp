@@ -14,8 +14,8 @@
 
 namespace cogless {
 
-// e^{j n theta} for a set of orders n. All are products of e^{j g theta}, g the orders' greatest common divisor, in an order
-// planned once.
+// e^{j n theta} for a set of orders n. All are powers of e^{j g theta}, where g is the orders' greatest common divisor. The
+// constructor plans the products that make them.
 class Powers {
 public:
     static constexpr std::size_t capacity = 128;
@@ -103,7 +103,7 @@ class Series {
 public:
     Series() = default;
 
-    // Those of several sums with the same orders, one for each lane.
+    // Several sums with the same orders, one for each lane.
     explicit Series(const Each<Series<double>, Real>& of)
         requires is_wide<Real>
     {
@@ -126,7 +126,7 @@ public:
         add(powers, h.order, h.amplitude * unit.re, h.amplitude * unit.im);
     }
 
-    // Another sum of the same orders, times a factor.
+    // Sets this sum to another one of the same orders, times a factor.
     void scale(const Series& of, double factor) {
         for (std::size_t n = 0; n < terms_.size(); ++n) {
             terms_[n].in_sine = of.terms_[n].in_sine * factor;
@@ -142,7 +142,7 @@ public:
         return sum;
     }
 
-    // The first five derivatives, from the 0th on, over their factorials.
+    // The first five Taylor coefficients: the n-th derivative over theta, divided by n!, for n = 0 to 4.
     [[gnu::always_inline]] std::array<Real, 5> taylor(const Powers::Values<Real>& z) const {
         std::array<Real, 5> sum{};
         for (const Term& t : terms_) {

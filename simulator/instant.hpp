@@ -5,8 +5,8 @@
 
 namespace cogless {
 
-// The time in (0, h] at which value(time) reaches zero from below; it is at_start at zero and at_end, above zero, at h.
-// Illinois's regula falsi.
+// The time in (0, h] at which value_at(time) reaches zero from below, by the Illinois form of regula falsi. at_start: value at
+// zero. at_end: value at h, which is above zero.
 template <class Value>
 double instant(double h, double at_start, double at_end, const Value& value_at) {
     double low = 0.0, high = h, below = at_start, above = at_end;

@@ -24,16 +24,17 @@ using Legs = std::array<Real, count>;
 
 constexpr std::size_t star_legs = 3, bridge_legs = 4;
 
-// Where the pulses lie: in the middle of a period of the current loop, or at its begin. With two updates two such periods are
-// a PWM period: in the first, of an even tick, a leg's pulse lies at the end, and in the second at the begin.
+// Where the pulses lie: in the middle of a current-loop period, or at its begin. With two updates, two current-loop periods are one
+// PWM period: in the first, of an even tick, a leg's pulse lies at the end, and in the second at the begin.
 enum class Pwm { centre, edge, two_updates };
 
-// In a period of the current loop, of length 1, a leg with duty cycle d is high from before (1 - d) on, for d.
+// Place of the pulses in a current-loop period, whose length is 1 here. A leg with duty cycle d becomes high at before * (1 - d) and
+// stays high for d.
 struct Carrier {
     double before;
     bool rises, falls;  // false: the leg is high already at the period's begin, or still at its end, so there is no edge
 
-    // Whether a leg that was high to the end of the period before, with the duty cycle `last`, goes on at the begin without an edge.
+    // Whether a leg is high across the period's begin without an edge. last: its duty cycle in the period before.
     bool stays(double last) const { return before <= 0.0 && last >= 1.0; }
 };
 
@@ -50,14 +51,14 @@ struct InverterConfig {
     Pwm pwm = Pwm::centre;
     double bus_voltage;          // V
     double dead_time = 0.0;      // s
-    double minimum_pulse = 0.0;  // s, no transistor is on for less in half a PWM period (edge: in a whole one); 0: no limit
+    double minimum_pulse = 0.0;  // s, shortest time for which a transistor is on in half a PWM period (edge: a whole one); 0: no limit
     double device_drop = 0.0;    // V, across the transistor or diode that conducts
-    bool computation_delay = true;  // the duty cycles act one period after they were computed
+    bool computation_delay = true;  // true: the duty cycles act one period after they were computed
 };
 
-// The duty cycle below which a leg's upper transistor stays off, and its lower one on, for a whole period; above 1 minus this it
-// is the other way around. Each half of a PWM period counts by itself, with a dead time: a pulse that goes on in the next half may
-// end there at once.
+// The duty cycle below which a leg's upper transistor stays off, and its lower one on, for a whole period. Above 1 minus this duty
+// cycle the upper one stays on and the lower one off. Each half of a PWM period must hold a dead time and a shortest pulse of its
+// own, since a pulse that goes on into the next half may end there at once.
 inline double least_duty(const InverterConfig& inverter, double period) {
     if (inverter.minimum_pulse <= 0.0) return 0.0;
     return (inverter.minimum_pulse + inverter.dead_time) / (inverter.pwm == Pwm::centre ? 0.5 * period : period);
@@ -67,7 +68,7 @@ inline double without_short_pulses(double duty, double least) {
     return duty < least ? 0.0 : (duty > 1.0 - least ? 1.0 : duty);
 }
 
-// What a leg's device takes from its voltage, V: a positive current flows out of the leg.
+// Drop of a leg's voltage across the conducting device, V. A positive current flows out of the leg.
 template <class Real>
 [[gnu::always_inline]] inline Real dropped(const Real& device_drop, const Real& current) {
     return select(current >= Real(0.0), device_drop, -device_drop);
@@ -133,9 +134,9 @@ struct Pulses {
     std::size_t count;
 };
 
-// While a leg's two transistors are both off, its current flows through a diode: out of the leg through the lower one, so
-// that a positive current delays the rising edge by the dead time, and a negative current the falling edge. The sign is
-// taken at the start of the period. last: the duty cycles of the period before.
+// The intervals of one period with these duty cycles. While both transistors of a leg are off, its current flows through a diode.
+// A positive current, out of the leg, takes the lower diode, which delays the rising edge by the dead time; a negative current
+// delays the falling edge. The sign is taken at the start of the period. last: the duty cycles of the period before.
 template <std::size_t legs>
 Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, const Legs<legs>& duty, const Legs<legs>& last,
                     const Legs<legs>& current, const Carrier& carrier, double period) {
@@ -156,7 +157,7 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
         edge[x] = rise[x];
         edge[legs + x] = fall[x];
     }
-    // neighbours in turns, without a branch that depends on the duty cycles
+    // sorts by exchanging neighbours, even and odd pairs in turn: no branch depends on the duty cycles
 #pragma GCC unroll 8
     for (std::size_t round = 0; round < edge.size(); ++round) {
 #pragma GCC unroll 4
@@ -188,7 +189,7 @@ template <class Real>
     return select(a > b, b, a);
 }
 
-// The mean of the same pulses over the period. dead_share: the dead time's share of the period.
+// The mean voltage over a period of the pulses that pulses() returns. dead_share: the dead time's share of the period.
 template <std::size_t legs, class Real>
 [[gnu::always_inline]] inline Voltage<Real> averaged(const Real& bus_voltage, const Real& dead_share, const Real& device_drop,
                                                      const Legs<legs, Real>& duty, const Legs<legs, Real>& last,

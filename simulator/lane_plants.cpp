@@ -52,7 +52,7 @@ private:
 
     static double* first(Real& x) { return reinterpret_cast<double*>(&x); }
 
-    // Calls f with each number of the lanes' state and the one that it stands for.
+    // Calls f(a, b) for each number of a state: a is the number in all lanes, b its counterpart in x or `here`.
     template <class State, class Here, class F>
     void each(State& x, Here& here, const F& f) {
         f(s_.x.i.d, x.i.d);

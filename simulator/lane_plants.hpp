@@ -1,5 +1,5 @@
-// Plants of several drives that go on together, each in a lane of the processor's vector registers. A lane's states have the
-// bits that the plant alone would give.
+// Plants of several drives that advance together, each in a lane of the processor's vector registers. A lane's states are bit by
+// bit those that the plant would have alone.
 #pragma once
 
 #include <array>
@@ -20,10 +20,10 @@ public:
     struct View {
         const double *theta_m, *omega_m;
         double *i_d, *i_q, *load_torque, *load_target;
-        std::array<const double*, 3> current;                // A, out of the inverter's phases, by measure()
-        std::array<double*, 3> duty, last;                   // of averaged(), for apply(), as the next three
+        std::array<const double*, 3> current;                // A, out of the inverter's phases, computed by measure()
+        std::array<double*, 3> duty, last;                   // arguments of averaged(), read by apply(), as are the next three
         double *bus_voltage, *dead_share, *device_drop;      // V, 1, V
-        const double *u_alpha, *u_beta;                      // V, during the next step, by apply()
+        const double *u_alpha, *u_beta;                      // V, during the next step, computed by apply()
     };
 
     virtual ~LanePlants() = default;
@@ -32,10 +32,10 @@ public:
     virtual void get(std::size_t lane, PlantState<>& x, AtAngle<double>& here) const = 0;
     // Computes the present phase currents of all lanes, View::current.
     virtual void measure() = 0;
-    // The inverter's voltages from now on. Without a call they are zero, which has no effect if the currents are given.
+    // Computes the inverter's voltages from now on. Before the first call they are zero, which has no effect if the currents are given.
     virtual void apply(const Carrier& carrier) = 0;
-    // Advances all lanes by the nominal step h, each with its voltage, but those in which the rotor stops or breaks away within
-    // it; these stay as they are. Returns them as bits.
+    // Advances each lane by the nominal step h with its voltage, unless its rotor stops or breaks away within the step. Lanes of
+    // such rotors stay as they are; returns them, lane n as bit n.
     virtual std::uint32_t step(double h) = 0;
 };
 
@@ -46,7 +46,7 @@ struct LaneKernel {
     std::unique_ptr<LanePlants> (*make)(const std::vector<const Plant*>& plants, Detail detail, std::size_t legs);
 };
 
-// Those that this processor has, the widest first.
+// The kernels that this processor can run, the widest first.
 std::vector<LaneKernel> lane_kernels();
 
 }  // namespace cogless

@@ -1,4 +1,4 @@
-// Compiled with COGLESS_LANES as one of the types of lane_step.hpp, and the processor's instructions for it.
+// Compiled once for each type of lane_step.hpp, with COGLESS_LANES as the type and the type's instructions enabled.
 #include "lane_step.hpp"
 
 #include <cstring>
@@ -36,7 +36,7 @@ std::uint32_t step(const Equations<Real>& equations, LaneStates<Real>& s, const 
     const Exact exact{equations.angle(), detail != Detail::mechanics || equations.angle().ripples()};
     const auto next = equations.step<detail>(s.x, s.here, u, 0.0, h, exact);
     if (equations.sticks()) {
-        // as Plant::beyond()
+        // above zero if friction must change, as Plant::beyond()
         Real beyond = -s.x.direction * next.y[0];
         if (s.x.stuck.any()) {
             PlantState<Real> then = s.x;

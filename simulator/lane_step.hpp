@@ -8,7 +8,7 @@
 
 namespace cogless {
 
-// As many registers as hide an operation's latency without spilling.
+// A type for each set of instructions, with enough registers to hide an operation's latency and few enough not to spill.
 using Sse2 = Wide<2, 2>;
 using Avx2 = Wide<4, 2>;
 using Avx512 = Wide<8, 1>;
@@ -19,15 +19,15 @@ struct LaneStates {
     AtAngle<Real> here;
 };
 
-// What averaged() needs, and the phase currents.
+// The arguments of averaged(), among them the phase currents.
 template <class Real>
 struct LaneInverter {
     InPhases<Real> current, duty, last;
     Real bus_voltage, dead_share, device_drop;
 };
 
-// Defined where the processor's instructions are enabled: nothing else may run there, least of all a function that other
-// files have too, since the linker keeps only one of them.
+// lane_step.cpp defines these with the processor's instructions enabled. It may define nothing else that runs elsewhere: of a
+// function that other files also contain, the linker keeps only one copy, perhaps the one with these instructions.
 #define COGLESS_LANE_STEP(Real)                                                                                        \
     std::uint32_t lane_step(const Equations<Real>&, LaneStates<Real>&, const Voltage<Real>&, double h, Detail detail); \
     void lane_currents(const LaneStates<Real>&, LaneInverter<Real>&, std::size_t legs);                                \

@@ -20,8 +20,7 @@ struct Command {
     unsigned status = 0;
 };
 
-// The engine's input to a law: the control library's struct, and for a user's own law the same values, with some more, as
-// doubles.
+// The engine's input to a law: the control library's struct, and for a user's own law its values and some more as doubles.
 struct LawInput {
     cgl_law_input c;
     double time;              // s
@@ -50,7 +49,7 @@ struct Stored {
     std::vector<double> entries;
 };
 
-// None if the library says that there is nothing to store. law: its pointer to the memory must be set.
+// What a law has learned; none if the library says that there is nothing to store. The law's pointer to its memory must be set.
 template <auto map_of, class CState>
 std::optional<Stored> stored_map(const CState& law) {
     Stored stored;
@@ -80,7 +79,7 @@ void put_map(const CState& law, const std::vector<std::vector<double>>& values) 
     cgl_map_centre(&map);
 }
 
-// Throws std::invalid_argument if a law's init returned an error. field: the one that it refuses, where it names one.
+// Throws std::invalid_argument if a law's init returned an error. field: name of the field that init refuses, or null.
 inline void require(cgl_error error, const char* law, const char* field = nullptr) {
     if (error == CGL_ERROR_MEMORY) throw std::invalid_argument(std::string(law) + ": memory too small");
     if (error != CGL_OK) {

@@ -8,9 +8,9 @@ namespace cogless {
 
 constexpr std::size_t FILTER_LANES = 8;
 
-// Puts each of the rows of x, at most FILTER_LANES of `count` samples, through its own b(1/z) / a(1/z), whose a[0] is one, in
-// place; a row of b and of a has order + 1 coefficients, one of `state`, where it starts, one fewer. The rows go in step: each
-// sample of one row waits for the sample before, but for no other row.
+// Filters each row of x, in place, by the row's own b(1/z) / a(1/z), whose a[0] is one. x has `rows` rows of `count` samples, at
+// most FILTER_LANES. A row of b and of a has order + 1 coefficients; a row of `state`, the filter's initial state, has `order`.
+// All rows advance together, sample by sample: a sample depends on earlier samples of its own row only.
 inline void filter_rows(const double* b, const double* a, const double* state, std::size_t order, double* x, std::size_t rows,
                         std::size_t count) {
     using Lanes = double __attribute__((vector_size(FILTER_LANES * sizeof(double))));

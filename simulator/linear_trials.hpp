@@ -1,6 +1,7 @@
 // Any linear plant in discrete time under the trial law: x(p + 1) = A x(p) + B (u(p) - d(p)), y = C x.
 //
-// One tick is one sample. The law sees the states with noise; a row has the true ones. This tries designs on plants that are not drives.
+// It serves to try designs on plants that are not drives. One tick is one sample. The law sees the states with noise; a recorded row
+// has the true states.
 #pragma once
 
 #include <array>
@@ -15,7 +16,7 @@
 
 namespace cogless {
 
-// What differs from trial to trial at random: deviations of the initial state, one a state, and of the load.
+// What differs from trial to trial at random: deviations of the load, and of the initial state, one for each state.
 struct LinearSpread {
     std::vector<Deviation> initial_state;
     Deviation load;
@@ -26,13 +27,13 @@ struct LinearPhase {
     std::int64_t from;
     std::vector<double> A;  // row by row
     std::vector<double> B, initial_state;
-    std::vector<double> load;         // d, at each sample of a trial
-    std::vector<cgl_real> reference;  // likewise
+    std::vector<double> load;         // d at each sample of a trial
+    std::vector<cgl_real> reference;  // y's reference at each sample of a trial
     std::optional<LinearSpread> each_trial;
 };
 
 struct LinearTrialsConfig {
-    std::vector<LinearPhase> phases;  // by `from`
+    std::vector<LinearPhase> phases;  // ordered by `from`
     std::vector<double> C;
     double period;  // s
     std::vector<double> noise;  // standard deviation of the white noise on each measured state
@@ -45,8 +46,8 @@ struct LinearTrialsConfig {
 struct LinearTrialsState {
     std::int64_t tick = 0;
     std::array<double, CGL_TRIAL_STATES> x{};
-    double load_deviation = 0.0;  // of this trial
-    Random random{0};             // of the noise
+    double load_deviation = 0.0;  // deviation of d in this trial
+    Random random{0};             // source of the noise
     TrialLaw::State law;
 };
 
@@ -66,7 +67,7 @@ public:
     const LinearTrialsConfig& config() const { return config_; }
 
 private:
-    // The initial state of a trial, and its load.
+    // Sets the plant to the initial state of a trial, and draws the trial's deviations.
     void restart(LinearTrialsState& state, const LinearPhase& phase, std::int64_t trial) const;
     // Sample p of a trial: steps the law, records a row and moves to the next sample.
     void step(LinearTrialsState& state, Recorder& recorder, const LinearPhase& phase, std::int64_t trial,

@@ -22,7 +22,7 @@ struct LoadState {
     Real target;  // N m, the value that it approaches
 };
 
-// The load but for its harmonics, which angle_functions.hpp has.
+// The load without its harmonics, which AngleFunctions computes.
 template <class Real = double>
 class Load {
 public:
@@ -31,17 +31,17 @@ public:
           nominal_step_(nominal_step), nominal_decay_(decay_over(nominal_step)),
           nominal_half_decay_(decay_over(0.5 * nominal_step)) {}
 
-    // Those of several loads without tables, one for each lane.
+    // Several loads without tables, one for each lane.
     explicit Load(const Each<Load<double>, Real>& of)
         requires is_wide<Real>
         : has_tables_(false), nominal_step_(of[0]->nominal_step_),
           nominal_decay_(each<Real>(of, &Load<double>::nominal_decay_)),
           nominal_half_decay_(each<Real>(of, &Load<double>::nominal_half_decay_)) {}
 
-    // 0.0 is added, so that a negative zero does not tell one way to compute from another
+    // The sums with 0.0 make a negative zero positive, so that all ways to compute the torque give the same bits.
     LoadState<> start() const { return {config_.torque + 0.0, config_.torque + 0.0}; }
 
-    // The exact constant part half a step later, and a step later.
+    // The constant part half a step and a whole step later, exactly.
     struct Later {
         Real middle, end;
     };

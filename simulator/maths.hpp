@@ -1,5 +1,5 @@
-// Elementary functions that give the same bits on every machine: those of C libraries differ in the last bit. For one number
-// or for several at once (wide.hpp): branches would tell them apart, so there are none.
+// Elementary functions that give the same bits on every machine: those of C libraries differ in the last bit. The templates take
+// one number or several at once (wide.hpp), so they have no branches.
 #pragma once
 
 #include <bit>
@@ -20,7 +20,7 @@ template <class Real>
     return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
 }
 
-// The nearest integer, by the rounding of a sum that has no bits left for a fraction; |x| below 2^51.
+// The nearest integer; |x| is below 2^51. The sum x + shift has no bits left for a fraction, so it is rounded.
 template <class Real>
 [[gnu::always_inline]] inline Real nearest(Real x) {
     constexpr double shift = 0x1.8p52;
@@ -36,7 +36,7 @@ inline double round_down(double x) {
 
 // e^{j x} within 2e-15 up to 4e8 rad; further out as exact as x itself.
 //
-// A quarter of the angle, which is reduced to one revolution, goes into the power series; squaring twice gives the whole.
+// The angle is reduced to one revolution. The power series takes a quarter of it; two squarings give the whole.
 template <class Real>
 [[gnu::always_inline]] inline Complex<Real> unit_vector(Real x) {
     // 2 pi in three parts, of which the first two have 25 bits: their products with a number of turns below 2^28 are exact

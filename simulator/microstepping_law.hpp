@@ -1,7 +1,7 @@
 // Microstepping as a law of a drive: the currents of the coils that the control library commands, in the rotor's frame.
 //
-// The drive's current loop stands for the driver's. The position sensor is needed for the turn into the rotor's frame alone: what is
-// asked of the coils does not depend on it.
+// The drive's current loop stands for that of a step motor's driver. The position sensor serves only to turn the coils' currents into
+// the rotor's frame: the commanded currents do not depend on it.
 #pragma once
 
 #include "cogless/angle.h"

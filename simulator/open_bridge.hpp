@@ -1,5 +1,5 @@
-// An inverter whose transistors are all off, as while the controller's output is safe. Currents decay through the diodes
-// against the bus voltage, and none flows again unless the motor's induced voltage exceeds the bus voltage.
+// An inverter whose transistors are all off, as when the controller has switched it off. Currents decay through the diodes against
+// the bus voltage. Then none flows again unless the motor's induced voltage exceeds the bus voltage.
 #pragma once
 
 #include <algorithm>
@@ -18,8 +18,8 @@ enum class Diode { none, lower, upper };
 // The diodes that conduct, and the resulting voltages, for a short interval.
 template <std::size_t legs>
 struct OpenBridge {
-    std::array<Diode, 3> diode{};  // of each phase; for an H-bridge, in the leg out of which the phase's current flows
-    Voltage<> u;                   // on the phases
+    std::array<Diode, 3> diode{};  // diode of each phase; of an H-bridge, in its first leg, out of which a positive current flows
+    Voltage<> u;                   // V, on the phases
 };
 
 inline Diode diode_of(double current) {
@@ -27,7 +27,7 @@ inline Diode diode_of(double current) {
     return current > nothing ? Diode::lower : current < -nothing ? Diode::upper : Diode::none;
 }
 
-// Voltages induced by the magnets, in the stationary frame.
+// Voltages induced by the magnets, in the stationary frame, V.
 inline Voltage<> induced(const Pmsm<>& motor, const AtAngle<double>& here, double omega_m) {
     const Linkage<> e = motor.linkage(here.ripple, {0.0, 0.0});
     const Complex<double> axis = here.axis;
@@ -35,7 +35,7 @@ inline Voltage<> induced(const Pmsm<>& motor, const AtAngle<double>& here, doubl
     return {omega_e * (axis.re * e.d - axis.im * e.q), omega_e * (axis.im * e.d + axis.re * e.q)};
 }
 
-// Diodes of three legs. If no leg carries a current, each leg floats at the star point's voltage plus its induced voltage,
+// Diodes and voltages of three legs. If no leg carries a current, each leg floats at the star point's voltage plus its induced voltage,
 // unless two of these voltages differ by more than the bus voltage. If two legs carry a current, the third floats if its
 // voltage is within the bus.
 inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage<> e, OpenBridge<star_legs> at = {}) {
@@ -66,7 +66,7 @@ inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage<> 
     return at;
 }
 
-// Diodes of two H-bridges; each depends on its own phase only.
+// Diodes and voltages of two H-bridges; each depends on its own phase only.
 inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage<> e, OpenBridge<bridge_legs> at = {}) {
     const std::array<double, 2> in_phase{e.alpha, e.beta};
     std::array<double, 2> u;
@@ -81,7 +81,7 @@ inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage<
     return at;
 }
 
-// The phases' currents, without those that the diodes block.
+// The phases' currents; those that the diodes block are set to zero.
 template <std::size_t legs>
 Phases let_through(const OpenBridge<legs>& bridge, Phases i) {
     constexpr std::size_t phases = legs == star_legs ? 3 : 2;

@@ -18,7 +18,7 @@
 
 namespace cogless {
 
-// A learned map with no entries yet, as a user's law gets it to fill in.
+// A map without entries, which a user's law gets to fill in.
 inline cogless_plugin_map empty_map() {
     cogless_plugin_map map{};
     map.law = 128U;  // the first of the application's own
@@ -26,8 +26,8 @@ inline cogless_plugin_map empty_map() {
     return map;
 }
 
-// What a user's law has learned as firmware stores it; none if it has no entries. limit: of its currents, A. Throws
-// std::runtime_error for what can't be stored.
+// Converts a user's learned map to what firmware stores; none if the map has no entries. limit: of the map's currents, A. Throws
+// std::runtime_error for a map that can't be stored.
 inline std::optional<Stored> own_stored(const cogless_plugin_map& map, double limit) {
     const auto refuse = [](const std::string& why) { throw std::runtime_error("the learned map: " + why); };
     if (map.entries == 0U) return {};
@@ -72,7 +72,7 @@ inline std::optional<Stored> own_stored(const cogless_plugin_map& map, double li
     return stored;
 }
 
-// While a user's library is called: an exit() of its own ends the process without a word of what had happened.
+// Lives while a user's library is called. If the library calls exit(), the process ends, so refuse_exit() says why.
 class InLibrary {
 public:
     explicit InLibrary(const std::string& path) { path_ = path.c_str(); }
@@ -100,7 +100,7 @@ struct PluginLaw {
     decltype(&cogless_plugin_state_size) state_size;
     decltype(&cogless_plugin_init) init;
     decltype(&cogless_plugin_step) step_function;
-    // null if the library has none, as are the next ones
+    // This and the next functions are null if the library has none.
     decltype(&cogless_plugin_begin_trial) begin_function;
     decltype(&cogless_plugin_end_trial) end_function;
     decltype(&cogless_plugin_design) design_function;
@@ -181,7 +181,7 @@ struct CallbackLaw {
     struct State {};
     std::function<Command(const LawInput&)> function;
     // This and the next functions are empty if the law has none.
-    std::function<void(const std::vector<cgl_real>&)> begin_function = {};  // of a trial
+    std::function<void(const std::vector<cgl_real>&)> begin_function = {};  // begins a trial
     std::function<void()> end_function = {};
     std::function<double()> learned_function = {};
     std::function<Command(const LawInput&, const Command& last)> current_function = {};

@@ -1,4 +1,4 @@
-// Reads a description from flat bytes: how a page hands it to the engine (src/cogless/live/description.py writes them).
+// Reads a description from the flat bytes in which a page hands it to the engine. src/cogless/live/description.py writes them.
 //
 // Little-endian. A value is a kind (u32), a count (u32) and its data, padded to 8 bytes, so that every number keeps its place
 // whatever the other numbers are.

@@ -21,7 +21,7 @@ public:
           plain_(!equations_.sticks() && equations_.train() == nullptr && !equations_.motor().saturates()),
           two_angles_(Each<AngleFunctions<double>, Two>{&equations_.angle(), &equations_.angle()}) {}
 
-    // As another plant, with its motor's resistance and its magnets' flux changed by these factors.
+    // Sets this plant's motor to that of the plant `of`, with resistance and magnets' flux times the factors of `by`.
     void warm(const Plant& of, const Warmth& by) {
         equations_.warm(of.equations_, by);
         two_angles_.scale(of.two_angles_, by.flux);
@@ -30,7 +30,7 @@ public:
     const Equations<>& equations() const { return equations_; }
     const Pmsm<>& motor() const { return equations_.motor(); }
 
-    // What depends on an angle, or on two at once, as much of it as step() needs with this detail.
+    // Computes what depends on an angle, or on each of two at once. Returns zeros if step() needs none of it with this detail.
     template <Detail detail>
     class Exact {
     public:
@@ -74,8 +74,8 @@ public:
         return x;
     }
 
-    // Advances x by h from the given time, with `here`, what depends on its angle. angle: a function that returns that for any
-    // angle. The voltage is constant; it has no effect if the currents are given.
+    // Advances x by h from the given time. here: what depends on the angle of x; it advances too. angle: a function that returns
+    // this for any angle. The voltage is constant; it has no effect if the currents are given.
     template <Detail detail, class Angle>
     [[gnu::always_inline]] void step(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
                                      Angle&& angle) const {
@@ -98,7 +98,7 @@ private:
         if (equations_.motor().saturates()) return saturated<detail>(x, here, u, time, h, angle);
         return equations_.step<detail>(x, here, u, time, h, angle);
     }
-    // Apart, so that other motors keep their registers.
+    // A function of its own, so that motors without saturation keep their registers.
     template <Detail detail, class Angle>
     [[gnu::noinline]] Equations<>::Step<detail> saturated(const PlantState<>& x, const AtAngle<double>& here, Voltage<> u,
                                                           double time, double h, Angle& angle) const {
@@ -128,13 +128,13 @@ private:
         }
     }
 
-    // What is above zero where a state's friction cannot be that of x any more: the speed against the direction of sliding,
-    // or the torque above the breakaway torque.
+    // A value that is above zero once friction must change: the speed against the direction of sliding, or at standstill the torque
+    // beyond the breakaway torque.
     double beyond(const PlantState<>& x, const AtAngle<double>& here, double time) const {
         return x.stuck ? std::abs(equations_.torques(x, here, time).driving()) - equations_.breakaway_friction()
                        : -x.direction * x.omega_m;
     }
-    // The same after a step from x.
+    // beyond() after a step from x, with the friction of x.
     template <Detail detail>
     [[gnu::always_inline]] double beyond(const PlantState<>& x, const Equations<>::Step<detail>& step, double time) const {
         if (!x.stuck) return -x.direction * step.y[0];
@@ -143,7 +143,7 @@ private:
         return beyond(then, step.here, time);
     }
 
-    // Goes on to the instant at which friction changes, and changes it; returns the time that passed. at_end: beyond() at the
+    // Advances x to the instant at which friction changes, and changes it; returns the time that passed. at_end: beyond() at the
     // end of the step.
     template <Detail detail, class Angle>
     [[gnu::noinline]] double change_friction(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
@@ -169,11 +169,11 @@ private:
     }
 
     Equations<> equations_;
-    bool plain_;  // a step is one of equations_, of a motor that does not saturate
+    bool plain_;  // true: equations_.step() is the whole step, without standstill friction, drive train and saturation
     AngleFunctions<Two> two_angles_;
 };
 
-// Steps that only some plants take. They know nothing of the laws' number type: plant_steps.cpp compiles them, once for all.
+// Steps that only some plants take. They do not depend on the laws' number type, so plant_steps.cpp compiles them once for both.
 #define COGLESS_PLANT_STEPS(EXTERN, DETAIL, ...)                                                                               \
     EXTERN template void Plant::step_with_train<DETAIL, __VA_ARGS__>(PlantState<>&, AtAngle<double>&, Voltage<>, double, double, \
                                                                      __VA_ARGS__&) const;                                      \

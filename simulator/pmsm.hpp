@@ -1,8 +1,8 @@
 // Permanent-magnet synchronous motor in the rotor's frame, with saliency and flux harmonics (Liu 2018, eqs. (1) to (4)).
 // With two phases instead of three it is the permanent-magnet step motor (Verrelli 2016, Section 5).
 //
-// The harmonics of both axes and the torque follow from one flux linkage, so that electrical power is copper loss, stored
-// energy and torque times speed, to rounding.
+// The harmonics of both axes and the torque follow from one flux linkage. So the electrical power is the sum of copper loss, rate
+// of the stored energy, and torque times speed, to rounding.
 #pragma once
 
 #include <memory>
@@ -30,7 +30,7 @@ struct PmsmConfig {
     double psi_f;     // V s, peak per phase of the star equivalent
     std::vector<FluxHarmonic> flux_harmonics;
     std::vector<Harmonic> cogging;  // N m, mechanical orders
-    int phases = 3;                 // or 2
+    int phases = 3;                 // 3 or 2
     std::optional<ThermalConfig> thermal = {};
     std::shared_ptr<const Saturation> saturation = {};  // replaces L_d and L_q, if given
 };
@@ -54,7 +54,7 @@ public:
           L_q_(config.L_q), psi_f_(config.psi_f), per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q),
           saturation_(config.saturation) {}
 
-    // Those of several motors that are alike, one for each lane.
+    // Several motors that are alike, one for each lane.
     explicit Pmsm(const Each<Pmsm<double>, Real>& of)
         requires is_wide<Real>
         : power_factor_(of[0]->power_factor_), pole_pairs_(of[0]->pole_pairs_), R_s_(each<Real>(of, &Pmsm<double>::R_s_)),
@@ -62,7 +62,7 @@ public:
           psi_f_(each<Real>(of, &Pmsm<double>::psi_f_)), per_L_d_(each<Real>(of, &Pmsm<double>::per_L_d_)),
           per_L_q_(each<Real>(of, &Pmsm<double>::per_L_q_)) {}
 
-    // Whether lanes can hold both.
+    // Whether this and `other` can be lanes of one object.
     bool alike(const Pmsm& other) const {
         return power_factor_ == other.power_factor_ && pole_pairs_ == other.pole_pairs_ && !saturation_ &&
                !other.saturation_;
@@ -90,7 +90,7 @@ public:
 
     bool saturates() const { return saturation_ != nullptr; }
 
-    // ripple: the part of the flux harmonics. saturated, here and below: for a motor that saturates.
+    // ripple: the part due to flux harmonics. saturated, here and in derivative(): for a motor that saturates.
     template <bool saturated = false>
     [[gnu::always_inline]] Linkage<Real> linkage(Linkage<Real> ripple, Currents<Real> i) const {
         if constexpr (saturated) {

@@ -1,12 +1,12 @@
-// Position sensors. The speed is computed from them by the control library, as firmware does.
+// Position sensors. The control library computes the speed from the angle, as in firmware.
 //
-// ideal: the true angle and speed. The others show the angle in steps:
+// ideal: the true angle and speed. The other kinds show the angle in steps:
 // encoder: incremental, counted on all four edges, which can be timed.
 // absolute: a word of the angle.
 // resolver: an angle with its converter's steps.
 // hall: six steps per electrical revolution, each edge with an error of its placement; the angle between two edges is
 // interpolated.
-// Each but hall may have an error that depends on the angle. All but those with timed edges may see an angle that is some time old.
+// Encoder, absolute and resolver may have an error that depends on the angle, and a latency unless edges are timed.
 #pragma once
 
 #include <algorithm>
@@ -31,8 +31,8 @@
 namespace cogless {
 
 enum class PositionSensorKind { ideal, encoder, absolute, resolver, hall };
-// M: by counting over a speed-loop period. average: by counting over a window, at the current loop's rate. T: from the time
-// between the last two edges. MT: from counts and the times of edges. observer: of the angle, at the current loop's rate.
+// M: counts over a speed-loop period. average: counts over a window, at the current loop's rate. T: from the time between the
+// last two edges. MT: from counts and the times of edges. observer: an observer of the angle, at the current loop's rate.
 enum class SpeedMethod { M, average, T, MT, observer };
 
 // A part of the sensor's error, amplitude sin(order theta_m + phase).
@@ -56,7 +56,7 @@ struct PositionSensorConfig {
 };
 
 struct Measurement {
-    double theta_m;  // rad, within one revolution of zero upwards
+    double theta_m;  // rad, wrapped to the revolution that begins at zero
     double omega_m;  // rad/s
 };
 
@@ -70,8 +70,8 @@ struct AngleCorrection {
 class PositionSensor {
 public:
     struct State {
-        double theta_before = 0.0;  // encoder: its angle at the last call of watch()
-        std::int64_t count = 0;     // now
+        double theta_before = 0.0;  // rad, the sensor's angle at the last call of watch()
+        std::int64_t count = 0;     // present count of steps
         double omega_m = 0.0;       // rad/s, last result
         cgl_edges edges{};
         cgl_speed_count counted{};
@@ -81,7 +81,7 @@ public:
         cgl_hall hall{};
         std::vector<Measurement> past;      // true angle and speed, the newest at `newest`; empty without latency
         std::size_t newest = 0;
-        std::vector<std::uint32_t> before;  // of `counted`, whose pointer to it is set anew before each use
+        std::vector<std::uint32_t> before;  // memory of `counted`, whose pointer to this is set before each use
     };
 
     PositionSensor(const PositionSensorConfig& config, double current_period, double speed_period) : config_(config) {
@@ -105,7 +105,7 @@ public:
         return s;
     }
 
-    // The same in a state that this sensor has had, which has the memory.
+    // start() in a state of this sensor, which keeps its memory.
     void restart(State& s, double theta_m, double omega_m) const {
         s = start_;
         if (config_.kind == PositionSensorKind::ideal) return;
@@ -196,7 +196,7 @@ private:
         return theta_m + error;
     }
 
-    // The true angle `latency` ago, of third order between two samples; takes in that of now.
+    // Stores the present angle and speed, and returns the true angle `latency` ago, by a cubic polynomial between two samples.
     double old(State& s, double theta_m, double omega_m) const {
         const std::size_t size = s.past.size();
         s.newest = s.newest + 1 < size ? s.newest + 1 : 0;
@@ -210,7 +210,7 @@ private:
                                                      u * (h * (a.omega_m + b.omega_m) - 2.0 * moved)));
     }
 
-    // Where the sensor changes from the step before `boundary` to this.
+    // The angle at which the sensor changes from step `boundary` - 1 to step `boundary`, rad.
     double edge_at(std::int64_t boundary) const {
         const double even = static_cast<double>(boundary) * step_;
         return config_.kind == PositionSensorKind::hall ? even + config_.placement[sector(boundary)] : even;
@@ -232,7 +232,7 @@ private:
         return {static_cast<double>(cgl_radians(s.hall.turns)), s.omega_m};
     }
 
-    // Lets the rotor pass the last edges before now at this speed, if that is less than long ago.
+    // Gives the Hall estimator the last edges, as if the rotor had passed them at this speed, unless they are too old for the timer.
     void start_hall(State& s, double theta_m, double omega_m, double edge_period) const {
         constexpr std::int64_t before = 7;
         const std::int64_t way = omega_m < 0.0 ? -1 : 1, first = s.count - before * way;
@@ -252,7 +252,7 @@ private:
         return static_cast<std::uint32_t>(rest < 0 ? rest + counts : rest);
     }
 
-    // The timer at that time.
+    // The timer's count, of 32 bits, at a time, s.
     std::uint32_t clocked(double time) const { return low(static_cast<std::int64_t>(round_down(time * config_.timer))); }
 
     std::uint32_t ticks_of(double duration) const {
@@ -304,7 +304,7 @@ private:
     double counting_period_ = 0.0;  // s
     double current_period_ = 0.0;   // s
     std::size_t late_ = 0;          // latency in whole current-loop periods
-    double later_ = 0.0;            // and the rest of it
+    double later_ = 0.0;            // rest of the latency, in current-loop periods
     State start_;
 };
 

@@ -19,7 +19,7 @@ inline Value integer_of(nanobind::handle object) {
     return Value::Other{};
 }
 
-// Lists, tuples, arrays of one dimension.
+// Converts a list, a tuple or an array of one dimension.
 inline Value list_of(nanobind::handle object) {
     Value::List list;
     for (const nanobind::handle item : object) list.push_back(value_of(item));
@@ -36,8 +36,7 @@ inline Value table_of(const nanobind::dict& object) {
     return table;
 }
 
-// Converts a Python value. A value that no key accepts becomes Value::Other, which is an error only if a key is read that
-// has it.
+// Converts a Python value. A value that no key accepts becomes Value::Other, which is an error only when its key is read.
 inline Value value_of(nanobind::handle object) {
     using Matrix = nanobind::ndarray<const double, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
     if (object.is_none()) return {};

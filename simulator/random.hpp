@@ -22,10 +22,10 @@ public:
         return z ^ (z >> 31U);
     }
 
-    // Goes on as if so many numbers had been drawn.
+    // Advances as if `count` numbers had been drawn.
     void skip(std::uint64_t count) { state_ += count * step; }
 
-    // In (0, 1].
+    // A number in (0, 1], evenly distributed.
     double uniform() { return static_cast<double>((bits() >> 11U) + 1) * 0x1p-53; }
 
 private:
@@ -34,8 +34,8 @@ private:
     std::uint64_t state_;
 };
 
-// The normal distribution, mean 0, standard deviation 1, under layers of equal area (Marsaglia, Tsang: The ziggurat method
-// for generating random variables, 2000). Nearly all draws take one multiplication and one comparison.
+// Draws from the normal distribution of mean 0 and standard deviation 1, by layers of equal area (Marsaglia, Tsang: The ziggurat
+// method for generating random variables, 2000). Nearly all draws take one multiplication and one comparison.
 class Normal {
 public:
     Normal() {
@@ -55,7 +55,7 @@ public:
 
 private:
     static constexpr std::size_t layers = 128;
-    static constexpr double tail = 3.442619855899, area = 9.91256303526217e-3;  // of 128 layers, from the paper
+    static constexpr double tail = 3.442619855899, area = 9.91256303526217e-3;  // start of the tail, area of one of 128 layers (the paper)
 
     struct Point {
         std::size_t layer;
@@ -70,7 +70,7 @@ private:
 
     [[gnu::always_inline]] bool is_inside(Point p) const { return std::abs(p.x) < edge_[p.layer + 1]; }
 
-    // From a point that may lie above the density: another one if it does.
+    // The draw from a point that may lie above the density. While it does, another point is drawn.
     [[gnu::noinline]] double at_edge(Random& random, Point p) const {
         while (!is_inside(p)) {
             if (p.layer == 0) return beyond_tail(random, p.x);

@@ -23,11 +23,11 @@ public:
         : columns_(columns), decimation_(decimation), data_(rows * columns) {}
 
     bool wants(std::int64_t tick) const { return tick % decimation_ == 0; }
-    // The same of each tick from `first` on.
+    // wants() for one tick after another from `first` on.
     Every rows(std::int64_t first) const { return {decimation_, first}; }
 
-    // Reserves memory for a run of `ticks` periods from `first` on, so that nothing is allocated within it. per_period: rows of a
-    // period in which a row is due.
+    // Reserves memory for a run of `ticks` periods from `first` on, so that nothing is allocated within the run. per_period: rows of
+    // a period in which one is due.
     void reserve(std::int64_t first, std::int64_t ticks, int per_period = 1) {
         const std::int64_t due = rows_before(first + ticks) - rows_before(first);
         const std::size_t needed = used_ + static_cast<std::size_t>(due * per_period) * columns_;

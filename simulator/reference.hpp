@@ -1,4 +1,4 @@
-// References as functions of time: speed, its integral the angle, and its derivative, each in closed form, so that nothing
+// References as functions of time: the speed, its integral (the angle) and its derivative, each in closed form, so that nothing
 // drifts even over an hour. A filter may smooth the speed.
 #pragma once
 
@@ -23,7 +23,7 @@ struct Sine {
 
 struct ReferenceConfig {
     ReferenceKind kind = ReferenceKind::constant;
-    double speed = 0.0;      // rad/s: constant, and the end of a ramp
+    double speed = 0.0;      // rad/s, the constant speed, or the one at the end of a ramp
     double ramp = 0.0;       // rad/s^2, from the initial speed
     Table profile;           // rad/s over s
     double offset = 0.0, amplitude = 0.0, frequency = 0.0;  // sine, fm, sines: rad/s, rad/s, Hz
@@ -139,7 +139,8 @@ public:
         return m;
     }
 
-    // The reference between this sample and the next. With smoothing it is extrapolated from the sample's derivatives.
+    // The reference a time dt after the sample at `time`, before the next one. With smoothing it is extrapolated from the sample's
+    // derivatives.
     Motion after(const Motion& sampled, double time, double dt) const {
         if (config_.smoothing != 0.0) {
             return {sampled.theta + dt * (sampled.omega + 0.5 * dt * sampled.alpha), sampled.omega + dt * sampled.alpha,
@@ -210,7 +211,7 @@ private:
         return area_[from] + 0.5 * (p.value[from] + p.held(time)) * (time - p.at[from]);
     }
 
-    // Quintic from rest to rest between the points, whose angles are held before and after.
+    // A quintic polynomial from rest to rest between two points; before the first point and after the last the angle is held.
     Motion move(double time) const {
         const Table& p = config_.moves;
         if (time <= p.at.front()) return {p.value.front(), 0.0, 0.0};

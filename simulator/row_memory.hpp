@@ -1,6 +1,6 @@
-// Memory of recorded rows. A kernel takes as long to hand out small pages as the engine to fill them: a thread's next trace takes
-// the pages of the last one that was dropped, and a long trace has large pages. Linux only; in WebAssembly a thread has no end that
-// would free them.
+// Memory of recorded rows. A kernel takes as long to hand out small pages as the engine to fill them. So a thread's next trace
+// reuses the memory of a dropped one of the same size, and a long trace has large pages. Linux only: in WebAssembly threads do not
+// end, so nothing would free the kept memory.
 #pragma once
 
 #include <algorithm>
@@ -40,7 +40,7 @@ public:
 
 private:
     static constexpr std::size_t smallest = std::size_t{1} << 16U, large_page = std::size_t{1} << 21U;  // bytes
-    static constexpr std::size_t most_blocks = 16;  // the traces of two groups of lanes
+    static constexpr std::size_t most_blocks = 16;  // enough for the traces of two groups of lanes
 
     struct Block {
         void* at;
@@ -79,7 +79,7 @@ struct RowMemory {
 
 #endif
 
-// Numbers that are not set to zero first.
+// Allocates numbers without setting them to zero.
 template <class T>
 struct RowAllocator {
     using value_type = T;

@@ -1,8 +1,8 @@
 // A motor's flux linkages as functions of its currents, instead of constant inductances.
 //
-// They follow from one coenergy, W' = integral of d(i_d) + integral of q(i_q) + i_d cross(i_q), and so does the torque with
-// them: energy is conserved. cross is what i_q takes from the magnets' flux; that i_d then has a part in lambda_q is the other
-// side of it.
+// Linkages and torque follow from one coenergy, W' = integral of d(i_d) + integral of q(i_q) + i_d cross(i_q), so energy is
+// conserved. cross(i_q) is the change of lambda_d by i_q, which takes it from the magnets' flux. By the coenergy lambda_q then has
+// a part i_d cross'(i_q).
 #pragma once
 
 #include <algorithm>
@@ -13,14 +13,14 @@
 
 namespace cogless {
 
-// A function by cubic pieces between points, from the values and slopes there; straight beyond the ends.
+// A function with given values and slopes at points: cubic between two points, straight beyond the ends.
 class Curve {
 public:
     struct At {
         double value, slope, curvature;
     };
 
-    // Throws std::invalid_argument unless the points rise, two or more, each with a value and a slope.
+    // Throws std::invalid_argument unless there are two or more points in rising order, each with a value and a slope.
     Curve(const std::vector<double>& at, const std::vector<double>& value, const std::vector<double>& slope) {
         const std::size_t n = at.size();
         if (n < 2 || value.size() != n || slope.size() != n) throw std::invalid_argument("saturation: expected points");
@@ -53,8 +53,8 @@ public:
 private:
     using Cubic = std::array<double, 4>;
     struct Piece {
-        double from;    // the first one and the second one have the same
-        Cubic c;        // of x - from
+        double from;    // x at the piece's start; the first and the second piece have one `from`
+        Cubic c;        // coefficients of the powers of x - from
         double before;  // integral up to `from`
     };
 
@@ -80,7 +80,7 @@ struct Saturation {
     Curve d, q, cross;  // V s over A, each zero at zero
 
     struct Flux {
-        double d, q;                // V s, of the currents
+        double d, q;                // V s, linkages due to the currents
         double l_dd, l_qq, l_dq;    // H, differential inductances
     };
 

@@ -17,7 +17,7 @@
 
 namespace cogless {
 
-// A C struct from its bytes, in this machine's layout (src/cogless/c_layout.py makes them: a bool in them is 0 or 1). Throws
+// A C struct from its bytes in this machine's layout. src/cogless/c_layout.py makes the bytes; a bool among them is 0 or 1. Throws
 // std::invalid_argument for another size.
 template <class Struct>
 Struct struct_of(std::string_view bytes, const std::string& name) {
@@ -30,7 +30,7 @@ Struct struct_of(std::string_view bytes, const std::string& name) {
     return value;
 }
 
-// A view of a description, which must outlive it.
+// A view of a description; the description must outlive the view.
 class Section {
 public:
     Section(const Value& description, std::string name)

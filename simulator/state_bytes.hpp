@@ -37,7 +37,7 @@ private:
     std::size_t size_ = 0;
 };
 
-// Reads the bytes of a state of the same shape; complete() says whether their number was right.
+// Reads bytes into a state of the shape that was written; complete() returns whether the bytes fitted it.
 class StateReader {
 public:
     StateReader(const unsigned char* from, std::size_t size) : from_(from), left_(size) {}
@@ -89,7 +89,7 @@ void archive(Archive& a, Bus::State& s) {
     all(past, newest, sent, first, waiting, random);
 }
 
-// Laws that learn over an angle.
+// State of a law that learns over an angle.
 template <class Archive, class State>
     requires(!std::is_trivially_copyable_v<State>) && requires(State& s) { s.cell; }
 void archive(Archive& a, State& s) {

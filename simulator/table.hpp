@@ -21,7 +21,7 @@ struct Table {
         return between(upper - 1, upper, x, at[upper] - at[upper - 1]);
     }
 
-    // The derivative of held(); at a point, that of the segment after it.
+    // The derivative of held(). At a point it is the slope of the segment after the point.
     double held_slope(double x) const {
         if (x < at.front() || x >= at.back()) return 0.0;
         const std::size_t from = place(x);

@@ -1,5 +1,5 @@
-// Temperatures of a motor's winding and magnets: two bodies with a heat capacity each, which the copper loss heats and which
-// give heat to each other and to the ambient. They change resistance and flux.
+// Temperatures of a motor's winding and magnets, which change resistance and flux. Both bodies have a heat capacity. Copper loss
+// heats the winding; the bodies exchange heat with each other and with the ambient.
 #pragma once
 
 namespace cogless {
@@ -8,7 +8,7 @@ struct Temperatures {
     double winding, magnet;  // degC
 };
 
-// Factors of what is given at the reference temperature.
+// Factors on the motor's resistance and flux at the reference temperature.
 struct Warmth {
     double resistance, flux;
 };
@@ -17,8 +17,8 @@ struct ThermalConfig {
     double reference;               // degC, at which the motor's resistance and flux are as described
     double resistance_coefficient;  // 1/K, of the winding
     double flux_coefficient;        // 1/K, of the magnets
-    Temperatures start;             // held, if no body drifts
-    bool drifts;
+    Temperatures start;
+    bool drifts;                    // false: the temperatures stay at `start`
     double ambient;                                              // degC
     double winding_capacity, magnet_capacity;                    // J/K
     double winding_to_ambient, winding_to_magnet, magnet_to_ambient;  // W/K
@@ -27,8 +27,8 @@ struct ThermalConfig {
         return {1.0 + resistance_coefficient * (at.winding - reference), 1.0 + flux_coefficient * (at.magnet - reference)};
     }
 
-    // The temperatures h later, by RK4. cold_loss, cold_loss_after: copper loss at both ends with the resistance at the reference
-    // temperature, W; straight in between.
+    // The temperatures h later, by RK4. cold_loss, cold_loss_after: copper loss at begin and end with the resistance at the reference
+    // temperature, W; linear in between.
     Temperatures after(Temperatures now, double cold_loss, double cold_loss_after, double h) const {
         const Temperatures k1 = slope(now, cold_loss);
         const double middle = 0.5 * (cold_loss + cold_loss_after);

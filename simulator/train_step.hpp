@@ -19,7 +19,7 @@ public:
     TrainStep(const Equations<>& equations, Voltage<> u, Angle& angle) : equations_(equations), u_(u), angle_(angle) {}
 
     void advance(PlantState<>& x, AtAngle<double>& here, double time, double h) const {
-        constexpr int most_pieces = 32;  // limit for what stops and breaks away, meets and parts repeatedly within one step
+        constexpr int most_pieces = 32;  // limit for friction and contact that change repeatedly within one step
         for (int piece = 0; h > 0.0; ++piece) {
             const Step step = over(x, here, time, h);
             const First first = piece == most_pieces ? First{changes, h} : first_change(x, here, step, time, h);
@@ -58,7 +58,7 @@ private:
         for (int n = 0; n < changes; ++n) {
             const auto k = static_cast<std::size_t>(n);
             if (!(at_end[k] > 0.0)) continue;
-            // torque that grew at once breaks a side away at once
+            // a torque that jumped breaks a stuck side away at once
             const bool stuck = (n == motor && x.stuck) || (n == load && x.side.stuck);
             const double at = stuck && !(at_start[k] < 0.0)
                                   ? 0.0
@@ -70,7 +70,7 @@ private:
         return first;
     }
 
-    // What is above zero where the state of friction or of the gap cannot be that of x any more.
+    // A value for each Change, above zero once that friction or contact must change.
     using Beyond = std::array<double, changes>;
     Beyond beyond(const PlantState<>& x, const AtAngle<double>& here, double time) const {
         const Torques<> torques = equations_.torques(x, here, time);
@@ -86,7 +86,7 @@ private:
         }
         return found;
     }
-    // The same after a step from x.
+    // beyond() after a step from x, with the friction and contact of x.
     Beyond beyond(const PlantState<>& x, const Step& step, double time) const {
         PlantState<> then = x;
         step.take(then);

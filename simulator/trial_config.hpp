@@ -22,14 +22,13 @@ Trials read_trials(const Section& s);
 // `before` is -1 and the trial is 0.
 std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials& trials);
 
-// A deviation of each trial.
+// A deviation that is drawn in each trial.
 Deviation deviation(const Section& s);
 
 // states: number of states of the controlled plant.
 TrialLaw trial_law(const Section& s, std::size_t states, const Trials& trials);
 
-// Throws std::invalid_argument naming the key that's missing or of the wrong type, length or order; so do the functions
-// above.
+// Like the functions above, throws std::invalid_argument naming the key that's missing or of the wrong type, length or order.
 LinearTrialsConfig read_linear_trials(const Value& description);
 
 }  // namespace cogless

@@ -1,7 +1,6 @@
 // The control library's trial law as a value that an engine can run: begin, a step for each sample, end.
 //
-// Memory and reference live in the state, and the C state's pointers to them are set anew before each use, since a copy has
-// its own.
+// The state has memory and reference. A copied state has its own ones, so the C state's pointers to them are set before each use.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +20,7 @@ struct TrialLaw : CLaw<trial_row> {
         cgl_trial_input input;  // input of the last step, if the plant is not a drive
     };
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // null, or the matrix that config points to
-    bool basis_functions = false;  // what is learned moves along with another reference
+    bool basis_functions = false;  // true: what is learned is carried over when the reference changes
 
     // Throws std::invalid_argument as CLaw does.
     static TrialLaw of(const Section& s, const cgl_loop& loop) {

@@ -20,7 +20,7 @@ struct Trials {
 // A deviation that is drawn anew in each trial, around zero.
 struct Deviation {
     bool normal;  // false: uniform
-    double size;  // standard deviation; of a uniform one the largest
+    double size;  // standard deviation; of a uniform deviation the largest magnitude
 
     double draw(Random& random) const {
         return size * (normal ? distribution_.draw(random) : 2.0 * random.uniform() - 1.0);
@@ -31,7 +31,7 @@ private:
 };
 
 // A trial's own stream of random numbers. It depends on nothing but the seed and the trial, from 0, so all controllers get
-// the same starts and loads. It is none of the streams of sensors and bus.
+// the same starts and loads. It differs from the streams of sensors and bus.
 inline Random random_of_trial(std::uint64_t seed, std::int64_t trial) {
     Random seeds(seed ^ 0x747269616c73U);
     seeds.skip(static_cast<std::uint64_t>(trial));

@@ -1,4 +1,5 @@
-// A description as a plain tree of values. The bindings make it from Python's dicts; in an FMU generated C++ makes it.
+// A description as a plain tree of values. The bindings make it from Python's dicts, PackedValue makes it in a page, and generated
+// C++ makes it in an FMU.
 #pragma once
 
 #include <concepts>

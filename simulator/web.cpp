@@ -1,7 +1,7 @@
 // The engine as a WebAssembly module: one drive or linear plant at a time, in numbers and bytes that lie in the module's
 // memory.
 //
-// The target has no exceptions. What is thrown goes to the host, with its message, and the host gives this instance up.
+// The target has no exceptions. The message of what is thrown goes to the host, which then gives this instance up.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -18,7 +18,7 @@
 
 #define CGL_WEB(name) __attribute__((export_name(#name), used))
 
-// Ends the call in the host: it never returns.
+// Hands the host a message and ends the host's call: this function never returns.
 extern "C" [[noreturn]] __attribute__((import_module("host"), import_name("failed"))) void host_failed(const char* text,
                                                                                                        std::size_t size);
 
@@ -40,9 +40,9 @@ struct Engine {
 };
 
 std::optional<Engine> engine;
-std::vector<double> room;  // what the host hands over
-Rows rows;                 // what it gets
-std::string names;         // of the signals, each with its unit
+std::vector<double> room;  // memory that the host fills
+Rows rows;                 // recorded rows that the host reads
+std::string names;         // a line for each signal, its name and unit
 std::optional<Stored> kept;
 
 std::optional<Stored> stored_in(const DriveRun& run) {
@@ -66,7 +66,7 @@ CGL_WEB(room) double* cogless_room(std::size_t bytes) {
     return room.data();
 }
 
-// Makes the drive that so many bytes in the room describe, at time zero; or the linear plant, if they have an output C.
+// Makes what the first `bytes` bytes in the room describe, at time zero: a drive, or a linear plant if they have an output C.
 CGL_WEB(open) void cogless_open(std::size_t bytes, double decimation, double count) {
     const Value description = PackedValue::read({reinterpret_cast<const char*>(room.data()), bytes});
     const auto start = [&](const auto& system) {
@@ -98,7 +98,7 @@ CGL_WEB(advance) void cogless_advance(double ticks) {
                engine->run);
 }
 
-// The rows since the last call; their numbers are row_numbers() doubles.
+// The rows recorded since the last call, as row_numbers() doubles.
 CGL_WEB(rows) const double* cogless_rows() {
     rows = engine->recorder.take();
     return rows.data();

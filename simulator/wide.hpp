@@ -1,5 +1,5 @@
-// Several numbers that are computed with at once, one for each lane: the compiler's vector types, with the operations that the
-// plant needs. A lane's result has the bits of the same computation with a double.
+// Several numbers in one object, one for each lane, whose lanes are computed at once: the compiler's vector types, with the
+// operations that the plant needs. A lane's result has the bits of the same computation with a double.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@
 
 namespace cogless {
 
-// The truth of something, for a number or for each lane of several.
+// The result of a comparison: bool for a double, a mask with one truth value for each lane of a Wide.
 template <class Real>
 struct MaskOfReal {
     using Type = typename Real::Mask;
@@ -24,7 +24,7 @@ using MaskOf = typename MaskOfReal<Real>::Type;
 
 [[gnu::always_inline]] inline double select(bool condition, double yes, double no) { return condition ? yes : no; }
 
-// How many registers of the processor a Wide takes; two hide the latency of one operation behind another.
+// width: numbers in a register of the processor. registers: registers of a Wide; two hide an operation's latency behind another.
 // The alignment is stated, since the compiler's own depends on the instructions that it may use.
 template <std::size_t width, std::size_t registers>
 struct alignas(8 * width) Wide {
@@ -103,7 +103,7 @@ struct alignas(8 * width) Wide {
 #undef COGLESS_COMPARISON
 };
 
-// A few numbers at once, on any processor.
+// Four numbers at once, on any processor.
 using Four = Wide<2, 2>;
 
 template <std::size_t count>
@@ -122,7 +122,7 @@ template <std::size_t count>
     return all;
 }
 
-// The integers next to them towards zero; |x| below 2^31.
+// Each number rounded towards zero; |x| is below 2^31.
 [[gnu::always_inline]] inline Four truncated(const Four& x) {
     typedef std::int32_t Whole __attribute__((vector_size(8)));
     Four whole;
@@ -141,11 +141,11 @@ template <class Real>
     requires is_wide<Real>
 constexpr std::size_t lanes_of<Real> = Real::lanes;
 
-// One object for each lane of a Real.
+// Pointers to objects, one for each lane of a Real.
 template <class Object, class Real>
 using Each = std::array<const Object*, lanes_of<Real>>;
 
-// One number of each lane's object.
+// A Real with one number of each lane's object.
 template <class Real, class Object, std::size_t count, class Get>
 Real each(const std::array<const Object*, count>& of, const Get& get) {
     Real all;
@@ -153,7 +153,7 @@ Real each(const std::array<const Object*, count>& of, const Get& get) {
     return all;
 }
 
-// One member of each lane's object.
+// Pointers to one member of each lane's object.
 template <class Object, std::size_t count, class Member>
 std::array<const Member*, count> members(const std::array<const Object*, count>& of, Member Object::*member) {
     std::array<const Member*, count> all;

@@ -1,4 +1,4 @@
-"""A page in headless Chromium, by chromedriver's HTTP interface, for what only a layout can tell."""
+"""A page in headless Chromium, by chromedriver's HTTP interface, for tests that need a layout."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ class Browser:
         self.session = f"/session/{self._post('/session', wanted)['sessionId']}"
 
     def open(self, path: Path, width: int, height: int = 900) -> None:
-        """A page in a window of exactly so many pixels."""
+        """Show a page in a window of exactly so many pixels."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.devtools("Emulation.setDeviceMetricsOverride", **size)
         self._post("/url", {"url": path.resolve().as_uri()})
 
     def run(self, script: str) -> Any:
-        """What a script returns."""
+        """Run a script in the page; returns what the script returns."""
         return self._post("/execute/sync", {"script": script, "args": []})
 
     def devtools(self, command: str, **parameters: Any) -> Any:
         return self._post("/goog/cdp/execute", {"cmd": command, "params": parameters})
 
     def pdf(self) -> bytes:
-        """The page as it is printed."""
+        """The page printed as a PDF."""
         return base64.b64decode(self.devtools("Page.printToPDF", printBackground=True)["data"])
 
     def close(self) -> None:

@@ -23,7 +23,7 @@ def cogless(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int
 
 
 class Fork:
-    """A command in a process of its own, which may be killed, and need not import all anew."""
+    """A command in a fork: it may be killed, and does not import all anew."""
 
     def __init__(self, pid: int, folder: Path) -> None:
         self.pid, self.folder = pid, folder
@@ -35,7 +35,7 @@ class Fork:
         return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None
 
     def end(self) -> int:
-        """Waits for it: its exit code, or less than 0 for a signal."""
+        """Wait for the process; returns its exit code, or less than 0 if a signal ended it."""
         return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
 
     @property
@@ -48,8 +48,8 @@ class Fork:
 
 
 def forked(folder: Path, *arguments: object, first: Callable[[], object] = lambda: None) -> Fork:
-    """Starts a command, in a session of its own, with what it writes in `folder`. `first`: called before it
-    in its process."""
+    """Start a command in a fork with a session of its own, whose output goes to files in `folder`. `first` is
+    called before the command in the fork."""
     pid = os.fork()
     if pid:
         return Fork(pid, folder)

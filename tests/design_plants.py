@@ -20,29 +20,30 @@ START = np.array([0.01, 0.0, 0.0])
 
 
 def motor(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
-    """(37): angle and speed."""
+    """A and B of mandra2019 (37); the states are angle and speed."""
     J, B, k = p["inertia"], p["friction"], p["torque_constant"]
     return [[0, 1], [0, -B / J]], [[0], [k / J]]
 
 
 def mandra(discretisation: str = "euler") -> UncertainPlant:
-    """Section 6.1."""
+    """The uncertain motor of mandra2019, Section 6.1."""
     return from_parameters(motor, MANDRA_RANGES, [1, 0], 2.5e-3, discretisation)
 
 
 def mandra_settings(**changes: object) -> TrialSettings:
-    """Section 6.1 and 6.2, with the feedforward of (41), which is of Euler's model."""
+    """Settings of mandra2019, Sections 6.1 and 6.2; the feedforward (41) inverts Euler's model."""
     section = {"Q": Q, "R": R, "gamma": START, "f": START, "g": 0.1, "inverted": "euler"}
     return TrialSettings(**{"samples": 1000, **section, **changes})
 
 
 def speed(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
-    """A drive's speed: relative degree 1."""
+    """A and B of a drive whose output is its speed: relative degree 1."""
     return [[-p["friction"] / p["inertia"]]], [[p["torque_constant"] / p["inertia"]]]
 
 
 def two_masses(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
-    """Load angle and speed, motor angle and speed, a shaft between them; torque at the motor."""
+    """A and B of two masses with a shaft between them: load angle and speed, motor angle and speed; torque at
+    the motor."""
     J_M, J_L, k, c, b = 5e-4, p["load_inertia"], p["stiffness"], 0.02, 1e-3
     A = [
         [0, 1, 0, 0],
@@ -67,13 +68,13 @@ def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: 
     samples, n = len(y_ref), model.order
     v, errors = np.zeros(samples), np.zeros((trials, samples))
     B = model.B[:, 0]
-    # state and psi together: their next value is this one's by `closed`, and what enters
+    # for state and psi together: next value = closed @ present value + what enters
     closed = np.zeros((n + 1, n + 1))
     closed[:n, :n], closed[:n, n] = model.A + np.outer(B, design.K_1), B * design.K_2
     closed[n, :n], closed[n, n] = -np.asarray(design.C), 1.0
 
     def outputs(u: Real, psi: Real) -> Real:
-        """Of what enters: u with the plant's input, psi with the integral."""
+        """Outputs for what enters: u at the plant's input, psi at the integral."""
         enters = np.outer(u, np.append(B, 0.0))
         enters[:, n] = psi
         x, states = np.zeros(n + 1), np.zeros((samples, n + 1))
@@ -92,7 +93,7 @@ def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: 
 
 
 def learn(design: TrialDesign, v: Real, error: Real) -> Real:
-    """v after a trial."""
+    """v after a trial with this error."""
     e = error.copy()
     e[: design.shift] = 0.0
     if design.learning_matrix is not None:
@@ -111,7 +112,7 @@ def learn(design: TrialDesign, v: Real, error: Real) -> Real:
 
 
 def _feedforward(design: TrialDesign, y_ref: Real) -> Real:
-    """(41); y_ref[0] = 0 before, the last value after."""
+    """The feedforward (41) of y_ref, which is zero before its first sample and stays at its last value."""
     f = np.zeros(len(y_ref))
     if design.feedforward is None:
         return f
@@ -127,18 +128,18 @@ def _feedforward(design: TrialDesign, y_ref: Real) -> Real:
 
 
 def smooth_step(samples: int, height: float = 1.0) -> Real:
-    """From rest to rest, three times differentiable, within the first half."""
+    """A motion from rest to rest within the first half, three times differentiable."""
     s = np.clip(np.arange(samples) / (samples / 2), 0, 1)
     return np.asarray(height * (35 * s**4 - 84 * s**5 + 70 * s**6 - 20 * s**7))
 
 
 def rms(errors: Real) -> Real:
-    """Of each trial."""
+    """RMS of each trial's errors."""
     return np.asarray(np.sqrt(np.mean(errors**2, axis=-1)))
 
 
 class Unseen:
-    """In place of a bundle of loops, where nothing looks at their responses."""
+    """A stand-in for a bundle of loops, where nothing reads their responses."""
 
     grid = np.zeros(1)
 

@@ -92,7 +92,7 @@ RIPPLE = {
 
 
 def merged(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    """`base` with the tables of `change` merged in; a table that names another `kind` or `law` replaces."""
+    """`base` with the tables of `change` merged in; a table with another `law` replaces that of `base`."""
     result = dict(base)
     for key, value in change.items():
         old = result.get(key)
@@ -107,7 +107,8 @@ def config(change: dict[str, Any] | None = None) -> dict[str, Any]:
 
 
 def packed(layout: Layout, struct: str, values: dict[str, Any], limit: float) -> bytes:
-    """A configuration in C: the members that are given, else the current limit, a memory's ones, zeros."""
+    """A C configuration's bytes. Members that are not given are zero, or one for a memory's channels, turns
+    and parts. A `limit` of zero becomes the current limit."""
 
     def usual(table: dict[str, Any]) -> dict[str, Any]:
         ones = {key: 1 for key in ("channels", "turns", "parts") if key in table}
@@ -124,7 +125,7 @@ def packed(layout: Layout, struct: str, values: dict[str, Any], limit: float) ->
 
 
 def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> dict[str, Any]:
-    """The description that the engine takes: with the controller's configurations packed for it."""
+    """The description that the engine takes, with the configurations of drive and law packed for C."""
     layout = control_layout("double" if module.real_bits == 64 else "single")
     drive, controller = settings["drive"], settings["controller"]
     limit = drive["current_limit"]
@@ -153,7 +154,7 @@ def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
 def law_of(controller: dict[str, Any], layout: Layout, limit: float) -> dict[str, Any]:
     if controller["law"] not in C_LAWS:
         told = dict.fromkeys((field.name for field in fields(KnownDrive)), 1)
-        return {"drive": told, **controller}  # what a library is told; Python's laws ignore it
+        return {"drive": told, **controller}  # a library gets this drive; Python's laws ignore it
     struct = C_LAWS[controller["law"]].config
     return {**controller, "config": packed(layout, struct, controller["config"], limit)}
 
@@ -171,7 +172,7 @@ def drive_of(module: ModuleType, settings: dict[str, Any], controller: object = 
     return module.Drive(described(settings, module), controller)
 
 
-# mandra2019's feedback gains, A per rad, rad/s, rad; what else it has, a test adds
+# The law of mandra2019 with its feedback gains, A per rad, rad/s and rad; a test adds the rest.
 TRIAL_LAW: dict[str, Any] = {
     "law": "trial",
     "config": {
@@ -190,7 +191,7 @@ TRIAL_LAW: dict[str, Any] = {
     },
     "learning_matrix": None,
 }
-# its motor's torque constant, and its mechanics
+# A phase with the torque constant and the mechanics of mandra2019's motor.
 TRIAL_PHASE: dict[str, Any] = {
     "from": 0,
     "motor": {**BASE["motor"], "psi_f": 0.37 / 6},
@@ -205,8 +206,8 @@ TRIAL_PHASE: dict[str, Any] = {
 def trial_config(
     count: int, phases: list[dict[str, Any]], law: dict[str, Any] | None = None, **drive: Any
 ) -> dict[str, Any]:
-    """So many trials of the base drive, with an ideal current loop at 8 kHz and a law at 400 Hz. Each phase:
-    its changes, with its reference. `law`: changes of its configuration."""
+    """Settings of `count` trials of the base drive, with an ideal current loop at 8 kHz and a law at 400 Hz.
+    `phases`: each phase's changes and reference. `law`: changes of the law's configuration."""
     rates = {"current_rate": 8000, "speed_divider": 20, "ideal_current": True}
     samples = len(phases[0]["reference"])
     return {

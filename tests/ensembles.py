@@ -44,5 +44,5 @@ VARY = TEXT[TEXT.index("[vary]") :]
 
 
 def study(folder: Path, changes: dict[str, Any] | None = None, vary: str | None = None) -> Study:
-    """The study with other changes, or another [vary]."""
+    """The small study with these changes; `vary`, if given, replaces its [vary]."""
     return studies.study(folder, changes, TEXT if vary is None else TEXT.replace(VARY, vary))

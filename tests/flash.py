@@ -51,7 +51,7 @@ class Flash:
         self._c = c
 
     def save(self, stored: Any) -> int:
-        """A cgl_map into the flash: a cgl_map_result."""
+        """Save a cgl_map in the flash; returns a cgl_map_result."""
         lib = self._c.lib
         result = lib.cgl_map_store_begin(self.store, stored)
         while result == lib.CGL_MAP_OK or result == lib.CGL_MAP_BUSY:
@@ -61,5 +61,5 @@ class Flash:
         return int(result)
 
     def load(self, stored: Any) -> int:
-        """From the flash into a cgl_map: a cgl_map_result."""
+        """Load a cgl_map from the flash; returns a cgl_map_result."""
         return int(self._c.lib.cgl_map_store_load(self.store, stored))

@@ -1,4 +1,4 @@
-"""An FMU under FMPy, the same for FMI 2.0 and 3.0: values by name, and a whole run."""
+"""An FMU under FMPy, with one interface for FMI 2.0 and 3.0: values by name, and a whole run."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Slave:
         self.steps += periods
 
     def run(self, steps: int, names: list[str]) -> NDArray[np.float64]:
-        """Rows of values at so many communication points, and on to the next."""
+        """Values at each of `steps` communication points, a row each. Ends at the point after them."""
         rows = []
         for _ in range(steps):
             rows.append(self.get(names))

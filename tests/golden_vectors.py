@@ -1,8 +1,8 @@
-"""Inputs and what the NumPy transcriptions make of them, as text that the C tests of control/ carry with
-them.  PYTHONPATH=tests python tests/golden_vectors.py writes control/tests/vectors anew. A file is numbers
-alone: how many cases; each has its config, how many steps, a line of inputs and outputs for each, how many
-entries are learned in the end, and these. Configs and inputs are numbers of 32 bits, so that both builds read
-the same."""
+"""Inputs and outputs of the NumPy transcriptions, as text files that the C tests of control/ read.
+PYTHONPATH=tests python tests/golden_vectors.py writes control/tests/vectors anew. A file has only numbers:
+first the number of cases, then the cases. A case is its config, the number of steps, a line of inputs and
+outputs for each step, the number of entries learned in the end, and these entries. Configs and inputs are
+numbers of 32 bits, so that both builds read the same ones."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -30,7 +30,7 @@ Numbers = Iterable[Any]
 
 
 def single(x: Any) -> Any:
-    """As a number of 32 bits holds it."""
+    """Numbers rounded to 32 bits."""
     return np.asarray(x, dtype=float).astype(np.float32).astype(float).tolist()
 
 
@@ -50,7 +50,8 @@ def way(rng: np.random.Generator, steps: int, ts: float, speeds: list[float]) ->
 
 
 def law_inputs(rng: np.random.Generator, steps: int, ts: float, back: bool) -> list[PositionInput]:
-    """A rotor that follows, with a ripple, faults, learning forbidden, and an error that saturates."""
+    """Inputs of a rotor that follows its reference, with ripple, faults, steps at which learning is
+    forbidden, and an error that saturates."""
     rows = []
     speeds = [9.0, 14.0, -11.0, 0.0, 12.0] if back else [9.0, 14.0, 11.0, 12.0]
     for n, (theta, omega) in enumerate(way(rng, steps, ts, speeds)):
@@ -68,8 +69,8 @@ def pi_config() -> tuple[float, float, float]:
 
 
 def torque_mode(n: int) -> tuple[bool, float]:
-    """Whether step n is of torque mode, and the current that is asked for then; once it is too large, or
-    none."""
+    """Whether step n is in torque mode, and the current that torque mode asks for: once too large, once no
+    number."""
     current = math.nan if n == 131 else 40.0 if n == 135 else 0.4 * math.cos(0.3 * n)
     return n % 45 > 38, single(current)
 
@@ -145,7 +146,8 @@ def memory(rng: np.random.Generator, m: AngleMemory | DelayLine, speeds: list[fl
 
 
 def steady_inputs(steps: int, ts: float, omega: float) -> list[PositionInput]:
-    """A rotor whose angle has ripple of orders 6 and 24 under an eccentric sensor; once no angle."""
+    """Inputs of a rotor whose angle has ripple of orders 6 and 24 under an eccentric sensor; one angle is
+    missing."""
     rows = []
     for n in range(steps):
         turned = 1.0 + omega * ts * n
@@ -166,7 +168,7 @@ def law(
     back: bool,
     inputs: list[PositionInput] | None = None,
 ) -> list:
-    """A law of speed or position with a memory, or by orders."""
+    """The case of a law of speed or position that has a memory or learns by orders."""
     rows = []
     for n, i in enumerate(inputs or law_inputs(rng, 300, ts, back)):
         torque, current = torque_mode(n) if not inputs else (n % 1000 > 990, 0.0)
@@ -280,7 +282,7 @@ def monitor(rng: np.random.Generator) -> list:
 
 
 def subjects() -> dict[str, Callable[[], list[list]]]:
-    """By file: its cases."""
+    """For each file's name, a function that makes the file's cases."""
 
     def rng() -> np.random.Generator:
         return np.random.default_rng(11)

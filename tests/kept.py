@@ -1,4 +1,5 @@
-"""What a compiler makes of the same files is made once, and kept under build/tests for all that run tests."""
+"""A compiler's results are kept under build/tests: all processes that run tests share one result of the same
+files."""
 
 import fcntl
 import hashlib
@@ -12,8 +13,8 @@ BUILT = Path(__file__).parents[1] / "build" / "tests"
 
 
 def kept(name: str, words: Iterable[object], files: Iterable[Path], make: Callable[[Path], object]) -> Path:
-    """A file of this name and ending, with a digest between: made by `make` at a path that it is given,
-    unless there is one of the same words and of files with the same names and contents."""
+    """Path of a file whose name has a digest before its ending: of the words, and of the files' names and
+    contents. If there is none with this digest, `make` makes it at the path that it gets."""
     digest = hashlib.sha256(repr([str(word) for word in words]).encode())
     for file in files:
         digest.update(f"\n{file.name} {file.stat().st_size}\n".encode() + file.read_bytes())
@@ -32,5 +33,5 @@ def kept(name: str, words: Iterable[object], files: Iterable[Path], make: Callab
 
 @cache
 def version(compiler: str) -> str:
-    """What a compiler says of itself."""
+    """What a compiler prints as its version."""
     return subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout

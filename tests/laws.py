@@ -191,7 +191,7 @@ class LawRow:
     integrals: tuple[str, ...] = ()  # members of its state that start anew after it was off
     other_sizes: tuple[dict[str, Any], ...] = ()  # changes of `good` that init takes and retune must not
     entries: int = 0  # entries of the caller's memory that `good` needs
-    own_entries: int = 64  # of the running config's memory, those that stay as learned
+    own_entries: int = 64  # entries of the running config's memory that stay as learned
 
 
 ROWS = {

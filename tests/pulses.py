@@ -20,7 +20,7 @@ Reals = NDArray[np.float64]
 
 
 class Played:
-    """Duty cycles of a turn over and over, in place of the drive's controller."""
+    """A controller that plays the duty cycles of an electrical turn over and over."""
 
     def __init__(self, duties: Reals) -> None:
         self.tick, self.duties, self.layout = 0, duties, control_layout("double")
@@ -41,7 +41,7 @@ def sinusoidal(ticks: int, depth: float, shift: float = 0.0) -> Reals:
 def last_turn(
     duties: Reals, motor: dict[str, float], inverter: dict[str, Any], rows: int, turns: int
 ) -> Signals:
-    """The rows of the last of some electrical turns, each with these duty cycles, which act at once."""
+    """Signals of the last of `turns` electrical turns, `rows` in each period. Duty cycles act at once."""
     ticks = len(duties)
     speed = electrical_speed(ticks) / POLE_PAIRS
     change: dict[str, Any] = {
@@ -65,7 +65,7 @@ def last_turn(
 
 
 def electrical_speed(ticks: int) -> float:
-    """rad/s, with a turn in that many ticks."""
+    """The electrical speed with a turn in so many ticks, rad/s."""
     return 2 * np.pi * RATE / ticks
 
 

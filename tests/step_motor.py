@@ -15,7 +15,8 @@ J, D, R, N_T = 0.0733, 0.002, 1.0, 1.7201
 
 
 def motor(L_1: float = 0.0) -> dict[str, Any]:
-    """The mapping: L_mj is the flux harmonic of order j - 1 in both axes, L_fj cogging of order j N_r."""
+    """The motor in the engine's terms: L_mj is the flux harmonic of order j - 1 in both axes, L_fj cogging of
+    order j N_r."""
     orders = range(1, len(L_M))
     return {
         "phases": 2,
@@ -44,7 +45,7 @@ DRIVE: dict[str, Any] = {
     "belief": {"R_s": R, "L_d": L_0, "L_q": L_0, "psi_f": I_F * L_M[0]},
     "inverter": {"bus_voltage": 100.0, "computation_delay": 0},
 }
-# everything electrical, one electrical period; the printed scheme
+# The printed scheme: all angles and speeds are electrical, and the memory's period is an electrical one.
 LAW: dict[str, Any] = {
     "law": "space-position",
     "config": {

@@ -127,7 +127,7 @@ band = "2 rpm"
 
 
 def write(folder: Path, text: str = BASE) -> Path:
-    """The text as folder/study.toml."""
+    """Write the text to folder/study.toml; returns the path."""
     path = folder / "study.toml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -139,7 +139,7 @@ def study(folder: Path, changes: dict[str, Any] | None = None, text: str = BASE)
 
 
 def refusal(call: Callable[..., Any], *arguments: Any, **named: Any) -> str:
-    """The one line by which a call is refused; files without the folder of the file that it names first."""
+    """The one line by which a call is refused, without the folder of the file that the line names first."""
     with pytest.raises(StudyError) as error:
         call(*arguments, **named)
     (line,) = str(error.value).splitlines()

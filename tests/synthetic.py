@@ -108,7 +108,7 @@ band = "2 rpm"
 """
 
 RPM = 2 * np.pi / 60
-# Of each controller: speed ripple in rpm of electrical orders 1, 2, 6 before and after, dip, time constant.
+# By controller: ripple of the electrical orders 1, 2, 6 before and after, rpm; dip, rpm; time constant, s.
 CHARACTER = {
     "pi": ((0.9, 0.4, 4.8), (0.9, 0.4, 4.8), 44, 0.25),
     "fair-pi": ((0.5, 0.2, 1.9), (0.5, 0.2, 1.9), 30, 0.12),
@@ -244,7 +244,7 @@ unit = "mrad"
 """
 
 FLOOR = 0.5e-3  # rad
-# Of each controller: the error's RMS in each phase's first trial, rad, and its factor from trial to trial.
+# By controller: the error's RMS in each phase's first trial, rad, and its factor from trial to trial.
 LEARNING = {
     "none": ((3e-3, 6e-3, 5e-3), 1.0),
     "ilc": ((3e-3, 6e-3, 8e-3), 0.3),
@@ -290,7 +290,7 @@ def trial_run(the_study, controller, rms, design=None, scenario="move"):
 
 
 def trial_results(the_study, rms=None, designed=True, controllers=None):
-    """Results of a study of trials; `rms`: of some controllers, in each trial, in place of the formula."""
+    """Results of a study of trials. `rms`: by controller, the error in each trial in place of the formula."""
     names = controllers or list(the_study.controllers_in("move"))
     designs = design_study(the_study, [("move", name) for name in names]) if designed else {}
     return TrialResults(

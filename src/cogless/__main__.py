@@ -30,7 +30,7 @@ def main() -> None:
         code = _code()
         code = _flushed(code)
         _end(code)
-    except KeyboardInterrupt:  # it came before the command began or after it had ended
+    except KeyboardInterrupt:  # Ctrl-C came before the command began or after it had ended.
         if code is None:
             say("Interrupted.")
         _end(EXIT_INTERRUPTED if code is None else code)
@@ -42,7 +42,7 @@ def _end(code: int) -> NoReturn:
 
     if left_behind():
         os._exit(code)  # sys.exit would stop threads within the engine, and crash
-    for request in REQUESTS:  # all is done; Python's end takes a while
+    for request in REQUESTS:  # All is done, but Python's end takes a while: Ctrl-C is ignored then.
         atexit.register(signal.signal, request, signal.SIG_IGN)
     sys.exit(code)
 
@@ -81,7 +81,7 @@ def _code() -> int:
 
 
 def _metavar(option: str) -> str:
-    """What an option of this command takes, as an addition to a line; empty where nothing is known."""
+    """An addition to a line that says what value an option of this command takes; "" if that is not known."""
     import typer
 
     from cogless.cli import app
@@ -109,8 +109,11 @@ def _command() -> object:
 
 
 def _flushed(code: int) -> int:
-    """Flush stdout and return the exit code: `code`; EXIT_WRONG if that fails (full disk);
-    EXIT_INTERRUPTED if Ctrl-C ends it (nobody reads the pipe)."""
+    """Flush stdout and return the exit code.
+
+    It is `code`, EXIT_WRONG if the flush fails (full disk), or EXIT_INTERRUPTED if Ctrl-C ends the flush
+    (nobody reads the pipe).
+    """
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -119,9 +122,8 @@ def _flushed(code: int) -> int:
         return EXIT_INTERRUPTED
     except OSError as error:
         _drop_stdout()
-        if code != EXIT_WRONG and not isinstance(
-            error, BrokenPipeError
-        ):  # the reader closed the pipe: no message
+        # BrokenPipeError: the reader closed the pipe, and needs no message.
+        if code != EXIT_WRONG and not isinstance(error, BrokenPipeError):
             say(f"output: {reason(error)}")
         return EXIT_WRONG
     return code

@@ -25,7 +25,7 @@ POINTER = struct.calcsize("P")
 
 
 class MisfitError(ValueError):
-    """A number that its place in a C struct can't hold; the message names the member."""
+    """A number does not fit into a member of a C struct; the message names the member."""
 
     def __init__(self, member: str, number: Any, c_type: str) -> None:
         self.expected = f"expected a value of {c_type}"
@@ -54,13 +54,13 @@ class Leaf:
 class Layout:
     """Memory layout of the structs in one build of the library.
 
-    `real`: format of the library's real numbers, "f" for float, "d" for double. `pointer`: bytes of one.
+    `real`: format of the library's real numbers, "f" for float, "d" for double. `pointer`: a pointer's bytes.
     """
 
     headers: Headers
     real: str
     pointer: int = POINTER
-    # what follows from the headers, kept since a run of a millisecond would feel it
+    # caches of results that depend on the headers alone; without them a short run would be slower
     _sizes: dict[str, int] = field(default_factory=dict, repr=False)
     _places: dict[str, list[tuple[Field, int]]] = field(default_factory=dict, repr=False)
     _by_name: dict[str, dict[str, Field]] = field(default_factory=dict, repr=False)
@@ -86,8 +86,8 @@ class Layout:
     def pack(self, name: str, values: Mapping[str, Any]) -> bytes:
         """Encode a struct's members, in the form that `decode` returns, as bytes. All must be given.
 
-        A list may be shorter than its array: the rest is zero. ValueError names the member that is missing or
-        unknown; MisfitError, a ValueError, one whose value its type can't hold.
+        A list may be shorter than its array: the rest is zero. ValueError names a member that is missing or
+        unknown. MisfitError, a ValueError, names a member whose type can't hold the value.
         """
         numbers: list[Any] = []
         self._collect(name, values, numbers, name)
@@ -172,8 +172,7 @@ class Layout:
                 numbers += [0] * (missing * self._count(member.type))
 
     def _whole(self, name: str, formats: Mapping[str, str]) -> struct.Struct:
-        """One format for all numbers of a struct, with what lies between them. `formats`: others in place of
-        the numbers' own."""
+        """One format for all numbers of a struct, with the padding. `formats`: replacements of formats."""
         parts, end = ["="], 0  # "=": overflow raises
         for leaf in self.leaves(name):
             parts.append(f"{leaf.offset - end}x{formats.get(leaf.format, leaf.format)}")
@@ -181,7 +180,7 @@ class Layout:
         return struct.Struct("".join([*parts, f"{self.size(name) - end}x"]))
 
     def _misfit(self, name: str, numbers: Sequence[Any]) -> MisfitError:
-        """The error that names the first number that its place can't hold."""
+        """The error that names the first number that does not fit into its member."""
         for leaf, number in zip(self.leaves(name), numbers, strict=True):
             try:
                 struct.pack(f"={leaf.format}", number)
@@ -233,7 +232,10 @@ class Layout:
 
 @cache
 def control_layout(precision: str, pointer: int = POINTER) -> Layout:
-    """Layout of the control library's structs in "single" or "double" precision; `pointer`: bytes of one."""
+    """Layout of the control library's structs in "single" or "double" precision.
+
+    `pointer`: size of a pointer in bytes.
+    """
     return Layout(control_headers(), {"single": "f", "double": "d"}[precision], pointer)
 
 

@@ -16,8 +16,7 @@ NUMBERS_A_LINE = 8
 
 
 def real(value: float, precision: str) -> str:
-    """The shortest C literal that compiles to exactly this number. `precision`: "f" for float, "d" for
-    double."""
+    """The shortest C literal that compiles to exactly this number. `precision`: "f" float, "d" double."""
     return f"{np.float32(value)!s}f" if precision == "f" else repr(float(value))
 
 
@@ -76,7 +75,7 @@ def _value(value: Any, field: Field, precision: str) -> str:
 
 
 def _used(values: list[Any]) -> list[Any]:
-    """An array's entries without the zeros at its end, but one: C fills it up with zeros."""
+    """An array's entries without the zeros at the end, since C fills these in; at least one entry stays."""
     used = len(values)
     while used > 1 and not (any(last.values()) if isinstance(last := values[used - 1], dict) else last):
         used -= 1

@@ -14,8 +14,8 @@ from cogless.control_library import C_LAWS
 from cogless.files import shipped
 from cogless.lines import print_text
 
-TRIAL_LAWS, OWN_LAWS = "trial", "own"  # files of laws that don't come in the order of laws.def
-ANY_SENSOR = "absolute"  # of the parts: a sensor whose bits the user says
+TRIAL_LAWS, OWN_LAWS = "trial", "own"  # files of laws that are not listed in the order of laws.def
+ANY_SENSOR = "absolute"  # key of a part: a sensor whose bits the user gives
 LAW = re.compile(r"law: Literal\['(.+?)'\]")
 
 
@@ -33,14 +33,14 @@ def catalogue() -> dict[str, dict[str, str]]:
 
 
 def sensor_words(bits: int) -> str:
-    """Which of the sensors of `cogless new` have so many bits, in words; or that none has."""
+    """Names of the sensors of `cogless new` that have `bits` or more, as text; or a text that none has."""
     fine = [name for name, has in sensor_bits().items() if has >= bits]
     return ", ".join(fine) or "more than any chip that `cogless new` knows"
 
 
 @cache
 def sensor_bits() -> Mapping[str, int]:
-    """The bits of each absolute sensor of `cogless new`, by its name there."""
+    """The bits of each absolute sensor of `cogless new`, by the sensor's name there."""
     parts = tomllib.loads(shipped("parts")["encoders"].read_text(encoding="utf-8"))
     named = [part for name, part in parts.items() if "bits" in part and name != ANY_SENSOR]
     return {part["about"].partition(",")[0]: part["bits"]["typical"] for part in named}

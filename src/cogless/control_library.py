@@ -58,7 +58,7 @@ class CLaw:
 
     @property
     def by_order(self) -> bool:
-        """Whether its memory holds amplitudes of orders, and no cells over the angle."""
+        """Whether the law's memory holds amplitudes of orders, not cells over the angle."""
         return self.length is not None and "c.orders" in self.length
 
     @property
@@ -82,8 +82,7 @@ class CLaw:
 
 
 def _arguments(text: str) -> Iterator[str]:
-    """Yield the arguments of a macro call in laws.def: its text, split at commas outside inner
-    parentheses."""
+    """Yield the arguments of a macro call in laws.def. `text`: the text between the call's parentheses."""
     depth, start = 0, 0
     for place, character in enumerate(text):
         depth += {"(": 1, ")": -1}.get(character, 0)
@@ -117,7 +116,7 @@ def _laws() -> Iterator[CLaw]:
 
 
 C_LAWS = {law.name: law for law in _laws()}
-# Without a drive around it, so it has no row in laws.def.
+# Microstepping has no drive around it, and so no row in laws.def.
 MICROSTEPPING = CLaw(
     name="microstepping",
     stem="microstepping",
@@ -155,7 +154,7 @@ class Field:
     length: int | None
     pointer: bool
     comment: str
-    declaration: int  # its number in the struct; members of one declaration share it
+    declaration: int  # number of the declaration in the struct; one declaration may have several members
 
 
 @dataclass(frozen=True)

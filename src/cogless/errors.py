@@ -34,9 +34,9 @@ class StudyError(Exception):
 
     @property
     def expected(self) -> str:
-        """What the first mistake's line says was expected: its last part."""
+        """The last part of the first mistake's line, which says what was expected."""
         return self.mistakes[0].rpartition(": ")[2]
 
     def text_without(self, file: object) -> str:
-        """The text without the name of this file or key, for where that is known."""
+        """The text without this file or key at its beginning, for places where the reader knows it."""
         return str(self).removeprefix(f"{file}: ")

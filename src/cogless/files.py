@@ -1,4 +1,4 @@
-"""Write files completely or not at all, find the files that are installed with cogless, tell its versions."""
+"""Write files completely or not at all, find the files that are installed with cogless, and find versions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def package_folders() -> list[Path]:
 
 
 def shipped(room: str) -> dict[str, Path]:
-    """Files that come with cogless: name -> path. `room`: "studies" or "motors"."""
+    """TOML files that come with cogless: name -> path. `room`: a folder, such as "studies" or "motors"."""
     folders = [folder / room for folder in package_folders()]
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
@@ -41,7 +41,7 @@ def reason(error: OSError) -> str:
 
 
 def no_device(path: Path) -> None:
-    """Raise OSError if a path is a device or a pipe: to read one may take for ever."""
+    """Raise OSError if a path is a device or a pipe, which may take for ever to read."""
     if path.exists() and not path.is_file() and not path.is_dir():
         raise OSError(errno.EINVAL, "not a regular file", str(path))
 
@@ -54,16 +54,16 @@ def no_link(path: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; move it there on success, remove it on any error or interrupt.
+    """Yield a path for a temporary file, which replaces `path` on success and is removed otherwise.
 
-    A symbolic link stays, and the file that it leads to is replaced. What is no regular file, such as a
-    device or a pipe, would be gone if a file were moved there: its own path is yielded.
+    A symbolic link stays, and the file that it leads to is replaced. A device or a pipe would be lost if a
+    file replaced it, so `path` itself is yielded then.
 
     StudyError: the file can't be written, for example on a full disk.
     """
     direct = os.path.exists(path) and not os.path.isfile(path)
     target = Path(os.path.realpath(path))
-    # a name that is not longer than the longest that a file may have
+    # The temporary name does not contain the file's own, which may already be as long as a name can be.
     temporary = path if direct else target.with_name(f".cogless-{secrets.token_hex(8)}.tmp")
     try:
         yield temporary
@@ -78,11 +78,11 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_replaceable(path: Path) -> None:
-    """StudyError: `replacing` would fail, so that nothing is computed that can't be written."""
+    """Raise StudyError if `replacing` would fail. So nothing is computed that can't be written."""
     try:
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        if path.is_file() or not path.exists():  # what is no regular file is written in its own place
+        if path.is_file() or not path.exists():  # A device or a pipe is written in place.
             with tempfile.TemporaryFile(dir=Path(os.path.realpath(path)).parent):
                 pass
     except OSError as error:
@@ -90,7 +90,7 @@ def check_replaceable(path: Path) -> None:
 
 
 def check_utf8(path: Path, expected: str) -> None:
-    """StudyError: a path isn't UTF-8, and so can't be written to results and reports."""
+    """Raise StudyError if a path isn't UTF-8, and so can't be written to results and reports."""
     if any("\ud800" <= character <= "\udfff" for character in str(path)):
         printable = str(path).encode(errors="backslashreplace").decode()
         raise StudyError(f"{printable}: not UTF-8: expected {expected} with a name in UTF-8")
@@ -111,12 +111,12 @@ def writable(directory: Path) -> Iterator[None]:
             with tempfile.TemporaryFile(dir=directory):
                 pass
         except OSError as error:
-            # its parent allows no new folders, such as /proc
+            # A FileNotFoundError means that the parent, such as /proc, allows no new folders.
             why = "can't be made there" if isinstance(error, FileNotFoundError) else reason(error)
             raise StudyError(f"{directory}: {why}: expected a directory that can be written") from error
         yield
     finally:
-        with suppress(OSError):  # one that isn't empty stays
+        with suppress(OSError):  # A folder that isn't empty stays.
             for folder in missing:
                 folder.rmdir()
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the same request to end, which keeps what is finished."""
+"""Handle Ctrl-C and SIGTERM alike: as a request to end that keeps finished results."""
 
 from __future__ import annotations
 
@@ -21,18 +21,21 @@ def end_as_by_ctrl_c() -> None:
 
 @dataclass
 class Deferred:
-    """`count`: requests to end that came while they were put off. `message`: written at the first, after
-    which a second one ends at once; without one all wait."""
+    """Requests to end that are put off.
+
+    `count`: number of requests so far. `message`: text that the first request writes; a second request then
+    ends at once. Without a message all requests wait.
+    """
 
     message: str
     count: int = 0
 
     def put_off(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal."""
+        """Handle a signal: count the request, and write the message."""
         self.count += 1
         if self.message and self.count > 1:
             raise KeyboardInterrupt
-        with suppress(OSError):  # not by print, which may be what was interrupted
+        with suppress(OSError):  # The signal may have interrupted a print, so print can't be used.
             os.write(2, self.message.encode())
 
 
@@ -40,7 +43,7 @@ class Deferred:
 def deferred(message: str = "") -> Iterator[Deferred]:
     """Put off Ctrl-C and SIGTERM, such as while finished results are written. `message`: see Deferred."""
     requests = Deferred(message)
-    if current_thread() is not main_thread():  # it alone is interrupted
+    if current_thread() is not main_thread():  # Signals interrupt only the main thread.
         yield requests
         return
     handled = [number for number in REQUESTS if callable(signal.getsignal(number))]

@@ -1,4 +1,4 @@
-"""Lines of text on stdout, where a terminal breaks them between words, and on stderr."""
+"""Print lines of text on stdout and stderr. For a terminal they are broken between words."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import TextIO
 
 
 def terminal_columns(stream: TextIO | None = None) -> int | None:
-    """Columns of the terminal on stdout, or on another stream; None if that is none."""
+    """Columns of the terminal on stdout, or on another stream; None if the stream is no terminal."""
     return shutil.get_terminal_size().columns if (stream or sys.stdout).isatty() else None
 
 
 def print_text(text: str, indent: str = "", others: str | None = None) -> None:
     """Print lines of text. On a terminal they break between words; elsewhere they stay whole.
 
-    `indent`: before each line. `others`: before its continuations, if these have another indent.
+    `indent`: text before each line. `others`: text before a line's continuations; None: `indent`, too.
     """
     for line in text.split("\n"):
         print(_broken(line, terminal_columns(), indent, indent if others is None else others))
@@ -36,7 +36,7 @@ def say(line: str) -> None:
 
 
 def _broken(line: str, columns: int | None, indent: str = "", others: str = "") -> str:
-    """A line, broken between words where it is longer than the columns; None: it stays whole."""
+    """A line, broken between words if it is longer than `columns`; None: the line stays whole."""
     if columns is None or len(indent + line) <= columns:
         return f"{indent}{line}".rstrip()
     own = line[: len(line) - len(line.lstrip())]

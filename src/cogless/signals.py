@@ -41,7 +41,7 @@ class Recorded:
 class Derived:
     """A signal that is computed from recorded signals: the function `of`, with the signals `needs`.
 
-    `from_start`: it needs their first rows, not only those of the same times.
+    `from_start`: the function needs the rows from a run's start on, not only those of the wanted times.
     """
 
     unit: str
@@ -79,7 +79,7 @@ DERIVED = {
     "theta_error": Derived("rad", ("theta_ref", "theta_m"), operator.sub),  # reference minus true angle
     "theta_error_measured": Derived("rad", ("theta_ref", "theta_measured"), operator.sub),
     "theta_sensor_error": Derived("rad", ("theta_measured", "theta_m"), operator.sub),
-    "y_error": Derived("", ("y_ref", "y"), operator.sub),  # linear plants have this one
+    "y_error": Derived("", ("y_ref", "y"), operator.sub),  # error of a linear plant
 }
 
 

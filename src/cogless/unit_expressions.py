@@ -1,4 +1,4 @@
-"""The units that describe drives, and the worth of an expression of them, such as "kg*cm^2".
+"""Read expressions of the units that describe drives, such as "kg*cm^2".
 
 Angle is a dimension of its own here, so "60 rpm" and "60 Hz" can be told apart. The package pint reads units,
 too; its import takes a third of a second at every start.
@@ -65,7 +65,7 @@ DERIVED_BY_NAME = {
 }
 EXPRESSION_LETTERS_MOST = 100
 PLURAL_ENDING = "s"
-PLURAL_LETTERS_LEAST = 2  # of the name before it: "ms" is a millisecond
+PLURAL_LETTERS_LEAST = 2  # least letters of a name before a plural's "s": "ms" is a millisecond
 
 UNIT_TOKEN = re.compile(r"\s*(?:(?P<power>(?:\^|\*\*)(?P<exponent>-?\d))|[A-Za-zµμΩ°_]+|[*/()]|1)")
 
@@ -94,7 +94,7 @@ class Unit:
         return self.bases == other.bases
 
     def ratio(self, other: Unit) -> float:
-        """Number of the `other` units in this one, of the same dimension.
+        """How many `other` units this unit has. Both must have the same dimension.
 
         A number in both is cancelled, not divided, so a ratio of powers of ten is free of rounding.
         """
@@ -108,7 +108,7 @@ PLAIN_NUMBER = Unit(Counter(), Counter())
 
 @cache
 def read_unit(expression: str) -> Unit | None:
-    """The unit that an expression of products, quotients and powers means; None if it is none."""
+    """The unit of an expression with products, quotients and powers; None if the text is no unit."""
     tokens = _tokens(expression)
     if tokens is None or len(expression) > EXPRESSION_LETTERS_MOST:
         return None

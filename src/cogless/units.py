@@ -21,15 +21,15 @@ FORCES, LENGTHS = r"[mcku]?N|k?gf?|ozf?|lbf?", r"cm|mm|m|in|ft"
 GLUED = re.compile(
     rf"(?<![A-Za-zµμ])(?:({FORCES})({LENGTHS})(s?)|(in|ft)(ozf?|lbf?)()|([mkuµμ]?V)(s)())(\^-?\d)?(?![A-Za-z])"
 )
-GRAM = "gm"  # to some; it may not be read as a gram times a meter
-MASSES = re.compile(r"(?<![A-Za-z])([mk]?)(oz|lb|g)s?(?![A-Za-z])")  # or the weight of it, where a force fits
+GRAM = "gm"  # Some write this for a gram, so it may not be read as a gram times a meter.
+MASSES = re.compile(r"(?<![A-Za-z])([mk]?)(oz|lb|g)s?(?![A-Za-z])")  # a mass, or its weight if a force fits
 UNIT_WORD = re.compile("[A-Za-zµμΩ]+")
 SYMBOLS = re.findall(r"\S+", "m s A g K rad deg rev min h rpm Hz N Nm J W V ohm H Wb oz lb in ft")
-LONGEST_MISSPELT = 4  # words of a unit
+LONGEST_MISSPELT = 4  # most words of a unit for which other capitals are tried
 PREFIXES = ("", "m", "k", "u", "M", "c", "n")
 
 NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
-COMMA = re.compile(r",\d")  # behind the whole part of a number
+COMMA = re.compile(r",\d")  # a decimal comma, after the whole part of a number
 UNIT = re.compile(r"(?:1\s*/)?[A-Za-zµμΩΩ°·*/^()\s]*(?:(?:\^|\*\*)-?\d[A-Za-zµμΩΩ°·*/^()\s]*)*")
 
 
@@ -42,8 +42,8 @@ class Dimension:
     """A kind of quantity.
 
     `unit`: its SI unit. `example`: the unit shown in error messages, default `unit`. `also`: other SI units
-    that are accepted as equal to `unit`. `angular`: the SI unit rad/s is accepted, too; it is so many
-    `unit`.
+    that are accepted as equal to `unit`. `angular`: if not 0, the SI unit rad/s is accepted, too, and
+    1 rad/s is `angular` times `unit`.
     """
 
     name: str
@@ -167,7 +167,7 @@ def number_in(text: str, unit: str) -> float:
 
 @cache
 def _ratio(unit: str, other: str) -> float:
-    """Factor from a unit to another like it; UnitError if they aren't alike."""
+    """Factor from a unit to another unit of the same dimension; UnitError if the dimensions differ."""
     source, target = _unit(unit), _unit(other)
     if source is None or target is None or not source.is_like(target):
         raise _unlike(other)
@@ -227,7 +227,7 @@ def _reading(unit: str, written: Unit, dimension: Dimension) -> str | None:
 
 
 def _fitting(unit: str, dimension: Dimension) -> float | None:
-    """Factor from a unit to the dimension's; None if the unit fits the dimension in no reading.
+    """Factor from a unit to the dimension's unit; None if the unit fits the dimension in no reading.
 
     If a product fits in no other way, its words of mass stand for the weights of these masses. So "oz*in" is
     a torque, while "oz*in^2" and "oz*in*s^2" are inertias.
@@ -244,7 +244,7 @@ def _fitting(unit: str, dimension: Dimension) -> float | None:
 
 
 def _perhaps(unit: str, dimension: Dimension) -> str | None:
-    """The unit in other capitals that fit the dimension; None if no such spelling fits."""
+    """The unit in other capitals, so that it fits the dimension; None if no such spelling fits."""
     words = UNIT_WORD.findall(unit)
     if not 1 <= len(words) <= LONGEST_MISSPELT:
         return None
@@ -287,7 +287,7 @@ def _product_of(group: re.Match[str]) -> str:
 
 
 def _unit(unit: str) -> Unit | None:
-    """What a unit in a study means; None if it is unknown. The only numbers in it are "1 /" and exponents."""
+    """The unit of a text in a study; None if unknown. The text's only numbers may be "1 /" and exponents."""
     spelled_out = _spelled_out(unit)
     return read_unit(spelled_out) if UNIT.fullmatch(spelled_out) else None
 

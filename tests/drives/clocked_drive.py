@@ -61,7 +61,7 @@ class ClockedDrive:
         self.run()
 
     def run(self) -> None:
-        """Position mode: the velocity that is asked for is reached at the given acceleration."""
+        """Run up to the clock's time in position mode: the velocity is reached at the given acceleration."""
         drive = self.drive
         while self.steps < (self.now - 100.0) * RATE:
             self.steps += 1

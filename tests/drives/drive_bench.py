@@ -13,7 +13,7 @@ import numpy as np
 
 TURN = 2 * math.pi
 RATE = 5000  # Hz of the law; the rotor is integrated twice as fast
-LAG_SHARE = math.exp(-0.5 / RATE * TURN * 1000)  # of a current's error after half a step: 1 kHz
+LAG_SHARE = math.exp(-0.5 / RATE * TURN * 1000)  # share of a current's error after half a step, at 1 kHz
 
 Law = Callable[[float, float, float], float]  # time, angle and speed of the rotor: current, A
 
@@ -43,7 +43,7 @@ class Rotor:
         self.plant, self.phi, self.omega, self.current = plant, phi, speed, 0.0
 
     def step(self, reference: float) -> None:
-        """A step of the law with this reference of the current, A."""
+        """Advance the motor by a step of the law with this current reference, A."""
         h, plant = 0.5 / RATE, self.plant
         phi, omega, current = self.phi, self.omega, self.current
         for _ in range(2):
@@ -66,7 +66,8 @@ def play(plant: Plant, law: Law, duration: float, speed: float = 0.0) -> dict[st
 
 
 def profile(points: Sequence[tuple[float, float]]) -> Callable[[float], tuple[float, float]]:
-    """Reference angle and speed, rad and rad/s, of speeds over time with straight lines between."""
+    """A function of time that returns reference angle and speed, rad and rad/s. `points`: times, s, and
+    speeds, with straight lines between them."""
     t, v = np.array(points).T
     times = np.arange(round(t[-1] * RATE) + 1) / RATE
     speeds = np.interp(times, t, v)

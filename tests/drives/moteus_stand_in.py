@@ -129,7 +129,7 @@ class Moteus:
 
 
 def arrivals(t: np.ndarray, seed: int) -> np.ndarray:
-    """When a PC stamps rows: late by a millisecond or more, some together, never out of order."""
+    """Times at which a PC stamps rows: late by a millisecond or more, some together, never out of order."""
     random = np.random.default_rng(seed)
     late = 1.7e9 + t + random.exponential(0.8e-3, len(t)) + 8e-3 * (random.random(len(t)) < 0.02)
     return np.maximum.accumulate(late)

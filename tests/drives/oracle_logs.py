@@ -32,7 +32,8 @@ Law = dict[str, object]
 
 @dataclass(frozen=True)
 class Firmware:
-    """A drive's firmware: `law` has the table that stands in a file's text, none in an empty one."""
+    """A drive's firmware. `law` takes the text of a file with a table, and returns the law with this table;
+    an empty text has no table."""
 
     title: str
     speed_rate: str
@@ -73,7 +74,7 @@ def moteus_log(trace: Trace, path: Path) -> list[Path]:
 
 
 def moteus_dump(path: Path) -> Path:
-    """The dump; its current loop has a bandwidth of 1 kHz."""
+    """Write a dump of the configuration, whose current loop has a bandwidth of 1 kHz."""
     drive = Moteus(encoder_zero=0.0)
     return drive.dump(path, servo__pid_dq__kp="2.83", servo__pid_dq__ki="5027")
 

@@ -1,4 +1,4 @@
-"""Workers of a sweep are forks here: spawned, as users get them, each would import all anew."""
+"""Forks the workers of a sweep: users get spawned workers, but each of these would import all anew."""
 
 import multiprocessing
 from types import SimpleNamespace

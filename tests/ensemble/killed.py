@@ -1,4 +1,4 @@
-"""A task for processes as users get them: each imports the module of its task, which here is light."""
+"""A task for spawned processes, as users get them. Each imports the module of its task; this one is light."""
 
 import os
 import signal
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def kills(marker: str) -> int:
-    """Kills its process the first time."""
+    """Kill this process the first time, when there is no file `marker`; return 7 afterwards."""
     if not os.path.exists(marker):
         Path(marker).touch()
         os.kill(os.getpid(), signal.SIGKILL)

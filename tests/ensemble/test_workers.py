@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from types import SimpleNamespace
@@ -243,3 +243,14 @@ def test_a_worker_starts_without_scipy() -> None:
     code = "import sys, cogless.ensemble.sweep; print('scipy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_a_callers_executor_that_lost_a_worker_ends_the_work_with_its_cure() -> None:
+    """It stays broken: to send tasks to it again would never end."""
+    with ProcessPoolExecutor(1) as own:
+        with pytest.raises(BrokenProcessPool):
+            own.submit(os._exit, 1).result()
+        with pytest.raises(
+            StudyError, match="a worker process of the caller's executor died: expected a new"
+        ):
+            run_all(executor_workers(own), abs, [1, 2], lambda number: (number,), lambda number, result: None)

@@ -1,7 +1,8 @@
 """A drive in a few lines of NumPy, apart from the project's engine. Its faults and their shares are known.
 
 Many drives run at the same time, one in each column. The motor has ten poles and nine slots. Its current loop
-is a PI on the measured current. The speed loop runs at 1 kHz, on the difference of counts. Units are SI.
+is a PI on the measured current. The speed loop runs at 1 kHz; its speed is a difference of counts. Units are
+SI.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ K_T, R_S, L_S = 0.05, 1.0, 1e-3  # N m/A, ohm, H
 INERTIA, COULOMB, VISCOUS = 2e-5, 2e-3, 2e-5  # kg m^2, N m, N m s/rad
 PSI_F = K_T / (1.5 * POLES)  # Wb
 BUS, CURRENT_LIMIT = 24.0, 4.0  # V, A
-STEP, EVERY = 2e-4, 5  # s of the integration; steps of the speed loop, which are the rows of a log
+STEP, EVERY = 2e-4, 5  # s, integration step; number of them in a step of the speed loop and in a row
 CURRENT_BANDWIDTH, SPEED_BANDWIDTH = TURN * 150, TURN * 20  # rad/s
-SWITCHED = 0.05  # A, half of the current's ripple, within which a bridge leg changes its sign softly
+SWITCHED = 0.05  # A, half of the current's ripple: within it a leg loses voltage in proportion
 THIRDS = TURN / 3 * np.arange(3)[:, None]
 
 
@@ -34,8 +35,8 @@ class Drive:
     flux: tuple[tuple[int, float, float], ...] = ()  # share of K_t
     encoder: tuple[tuple[int, float, float], ...] = ()  # rad
     offsets: tuple[float, float, float] = (0.0, 0.0, 0.0)  # A, of the phases
-    gains: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the phases, beyond 1
-    dead_voltage: float = 0.0  # V, that a bridge leg loses against its current
+    gains: tuple[float, float, float] = (0.0, 0.0, 0.0)  # relative gain errors of the phases
+    dead_voltage: float = 0.0  # V, loss of a bridge leg, against its current
     counts: int = COUNTS
     noise: float = 2e-3  # A, of i_q
     friction: float = COULOMB  # N m
@@ -47,7 +48,7 @@ class Run:
 
     points: tuple[tuple[float, float], ...]
     load: float = 0.0
-    driven: bool = True  # else it coasts, without current
+    driven: bool = True  # False: the current makes no torque, so the rotor coasts
 
     @property
     def duration(self) -> float:

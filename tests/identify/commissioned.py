@@ -124,7 +124,7 @@ def study_text(name: str) -> str:
 
 @cache
 def commissioned(name: str, late: int = 0) -> tuple[str, dict[str, dict[str, np.ndarray]]]:
-    """The file of columns, and the signals of each planned log; its currents are so many rows late."""
+    """The file of columns, and the signals of each planned log, with currents that are `late` rows late."""
     folder = Path(mkdtemp())
     (folder / "motor.toml").write_text(study_text(name))
     plan.write(load(folder / "motor.toml"), folder)
@@ -151,7 +151,7 @@ def commissioned(name: str, late: int = 0) -> tuple[str, dict[str, dict[str, np.
 
 
 def _logged(trace: Trace, signal: str, poles: int) -> np.ndarray:
-    """A signal as the drive has it: currents by the measured angle."""
+    """A signal as the drive has it: currents are in the frame of the measured angle."""
     if signal not in ("i_d", "i_q"):
         return trace[signal]
     turned = np.exp(-1j * poles * (trace["theta_measured"] - trace["theta_m"]))
@@ -162,7 +162,7 @@ def _logged(trace: Trace, signal: str, poles: int) -> np.ndarray:
 def write(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> list[Path]:
     """The file of columns as id.toml, and each log as an NPZ; returns the logs' paths.
 
-    Of the columns those that a log has, and of its files those that have it.
+    Only columns that some log has are written, each with the files of the logs that have it.
     """
     tables = tomllib.loads(text)
     columns = {}

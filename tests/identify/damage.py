@@ -105,7 +105,7 @@ def mdf(path: Path, compression: int) -> bytes:
 
 
 def sound_files(folder: Path) -> dict[str, list[bytes]]:
-    """Sound files by what their names end in."""
+    """Undamaged files by the ending of their names."""
     by_kind = {
         ".csv": [csv_text()],
         ".csv.gz": [gzip.compress(csv_text(), mtime=0)],
@@ -126,7 +126,7 @@ def cut(content: bytes, chance: np.random.Generator) -> bytes:
 
 
 def flipped(content: bytes, chance: np.random.Generator) -> bytes:
-    """A few bits anywhere, more often in the first or the last thousand bytes, where headers are."""
+    """A few bits flip anywhere, more often in the first or the last thousand bytes, where headers are."""
     array = np.frombuffer(content, np.uint8).copy()
     place = chance.choice(["anywhere", "first", "last"])
     span = len(array) if place == "anywhere" else min(1024, len(array))
@@ -136,14 +136,14 @@ def flipped(content: bytes, chance: np.random.Generator) -> bytes:
 
 
 def blanked(content: bytes, chance: np.random.Generator) -> bytes:
-    """A block of one value, as a disk that failed has."""
+    """A block of the file becomes one value, as on a disk that failed."""
     first, size = chance.integers(len(content)), chance.integers(1, 4096)
     block = content[first : first + size]
     return content[:first] + bytes([chance.choice([0, 0, 255])]) * len(block) + content[first + size :]
 
 
 def oversized(content: bytes, chance: np.random.Generator) -> bytes:
-    """Numbers of rows or of bytes, somewhere in the file, become absurd ones."""
+    """One number of rows or of bytes, somewhere in the file, becomes an absurd one."""
     sizes = [ROWS, 8 * ROWS, 8 * ROWS + 128, 24 * ROWS, len(content)]
     spots = []
     for form in ("<Q", "<I"):
@@ -228,7 +228,7 @@ def bomb_mat(rows: int) -> bytes:
 
 
 def claims_trace(path: Path, rows: int) -> bytes:
-    """Nothing is stored of the rows that are claimed."""
+    """A trace that claims so many rows and stores none of them."""
     import netCDF4
 
     with netCDF4.Dataset(path, "w") as file:
@@ -240,7 +240,7 @@ def claims_trace(path: Path, rows: int) -> bytes:
 
 
 def bomb_parquet(rows: int) -> bytes:
-    """Rows of one value in each column."""
+    """So many rows, all of one value."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -253,8 +253,8 @@ def bomb_parquet(rows: int) -> bytes:
 
 
 def hostile_mdf(sound: bytes, scale: int) -> list[tuple[str, bytes]]:
-    """What is wrong, and content: of a file whose first data group, its channels and its data begin where
-    links say."""
+    """What is wrong and the content of hostile files, made of a sound one whose links lead to its first data
+    group, its channels and its data."""
 
     def link(content: bytes, block: int, number: int) -> int:
         return int(struct.unpack_from("<Q", content, block + 24 + 8 * number)[0])
@@ -319,7 +319,7 @@ class Ending:
             return f"took {self.memory >> 20} MiB"
         lines = self.err.splitlines()
         if self.code == 2 and self.err.endswith(TOO_SHORT):
-            return ""  # sound as far as it goes, and it tells nothing
+            return ""  # a sound log, too short for a result
         if self.code == 0 and lines:
             return f"a result, and on stderr: {lines[0]}"
         if self.code == 2 and (len(lines) != 1 or name not in self.err):
@@ -361,7 +361,7 @@ def diagnosed(path: Path) -> Ending:
 
 
 def cases(folder: Path, count: int, seed: int, scale: int) -> list[tuple[str, str, bytes]]:
-    """Kind, what is wrong and content of as many files: sound ones, hostile ones, and damaged ones."""
+    """Kind, what is wrong and content of each file: sound ones, hostile ones, and `count` damaged ones."""
     sound = sound_files(folder)
     made = [(kind, "sound", content) for kind, forms in sound.items() for content in forms]
     made += hostile_files(folder, scale)

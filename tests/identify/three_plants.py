@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 TURN = 2 * np.pi
-STEP, EVERY = 1e-4, 10  # s of the integration; its steps between rows
+STEP, EVERY = 1e-4, 10  # s, integration step; number of them between two rows
 COUNTS = 16_384
-SPEEDS = (0.0, 1.0, -1.0, 0.6, -0.25, 0.25, 0.0)  # of the fastest, one after the other by ramps
-RAMP, STAY = 0.5, 1.2  # s
+SPEEDS = (0.0, 1.0, -1.0, 0.6, -0.25, 0.25, 0.0)  # shares of the fastest speed, reached in turn by ramps
+RAMP, STAY = 0.5, 1.2  # s, duration of a ramp and of a constant speed
 
 
 @dataclass(frozen=True)
 class Plant:
-    """A motor with two orders of cogging, in SI units. `u_q` is that of its current loop."""
+    """A motor with two orders of cogging, in SI units. A log's `u_q` is the voltage of its current loop."""
 
     pole_pairs: int
     K_t: float
@@ -28,7 +28,7 @@ class Plant:
     cogging: tuple[tuple[int, float, float], ...]
 
     def log(self, seed: int = 0, table: float = 0.0) -> dict[str, np.ndarray]:
-        """Rows at 1 kHz under a PI by hand. `table`: share of the cogging that a table's current cancels."""
+        """A log at 1 kHz under a PI. `table`: share of the cogging that a table's current cancels."""
         chance = np.random.default_rng(seed)
         kp = TURN * 8 * self.J / self.K_t
         times = np.cumsum([0.0, *[RAMP, STAY] * (len(SPEEDS) - 1)])
@@ -58,7 +58,7 @@ class Plant:
         return dict(zip(("t", "theta", "omega", "i_q", "i_q_ref", "u_q"), np.array(rows).T, strict=True))
 
     def columns(self) -> dict:
-        """What its user knows of it."""
+        """Tables of the file of columns: what the motor's user knows."""
         return {
             "columns": {name: name for name in ("t", "theta", "omega", "i_q", "i_q_ref", "u_q")},
             "motor": {

@@ -1,5 +1,5 @@
-"""A module's live page of its `study`, and the browser that shows it: one for all modules, since it takes
-seconds to begin."""
+"""The live page of a module's `study`, and the browser that shows it. All modules share one browser, since it
+takes seconds to begin."""
 
 import live_studies
 import pytest

@@ -26,7 +26,7 @@ NO_ENGINE = missing_engines()
 
 
 def run_node(folder: Path, assets: tuple[str, ...], script: str, given: Any) -> Any:
-    """What a script returns, maybe later, which sees `given` and what is defined in these assets."""
+    """Run a script in node; returns what it returns, or what it awaits. It sees `given` and these assets."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "given.json").write_text(json.dumps(given))
     read = 'const given = JSON.parse(require("fs").readFileSync(process.argv[2]));'
@@ -41,7 +41,7 @@ def run_node(folder: Path, assets: tuple[str, ...], script: str, given: Any) -> 
 
 
 def module_file(folder: Path, precision: str) -> str:
-    """The module as a file."""
+    """Write the engine's module to a file; returns the path."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{precision}.wasm"
     path.write_bytes(engine.module(precision))

@@ -54,8 +54,8 @@ class Log:
 
 
 def together(draws: dict[int, Iterator[Mutant]], trees: list[Tree]) -> tuple[dict[int, Mutant], set[int]]:
-    """Build mutants of C and C++ as one, the first of each draw that compiles; which those are, by number,
-    and the numbers of those that have to be built alone."""
+    """Build mutants of C and C++ together, of each draw the first that compiles. Returns them by number, and
+    the numbers of those that have to be built alone."""
     current = {n: next(draw) for n, draw in draws.items()}
     while True:
         lines = {}
@@ -108,7 +108,7 @@ def judge_beside(
                 wrong = tree.failing([verdict.by]) if verdict.by.startswith("tests/") else []
                 if not wrong:
                     break
-                seen.beside += wrong  # it notices that there are mutants, not this one
+                seen.beside += wrong  # this test fails with any mutants in the build, not by this one
         finally:
             tree.chosen = 0
             free.put(tree)

@@ -31,7 +31,7 @@ def _note(test: str, seconds: float) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What importing the tests executes is noted beside no test."""
+    """Note the marks that importing the tests passes, without the name of a test."""
     _note("", 0.0)
 
 

@@ -179,7 +179,7 @@ class Tree:
 
 
 def _tool(name: str) -> str:
-    """Path of a program, that beside this Python if there is one."""
+    """Path of a program; the one next to this Python comes first."""
     found = which(name, path=TOOLS)
     if found is None:
         raise RuntimeError(f"no {name} on the PATH")

@@ -28,7 +28,7 @@ SIGNS = {"forward": 1, "backward": -1}
 
 
 def ramp_records(axes: Axes, count: int) -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
-    """Times and accelerations, a column an axis, of ramps in both directions without and with the probe."""
+    """Times and accelerations of ramps, both ways, without and with the probe, a column for each axis."""
     acceleration = TOP_SPEED**2 / TRAVEL
     duration = 2 * TOP_SPEED / acceleration
     keys = [(direction, kind) for direction in SIGNS for kind in ("plain", "probe")]
@@ -54,7 +54,8 @@ def write_klipper_logs(
     rng: np.random.Generator,
     noise: float,
 ) -> list[Path]:
-    """Three runs of each kind. The printer's clock is on; the move begins anywhere; y and z are at rest."""
+    """Logs of three runs of each kind; returns their paths. The log begins at some time before the move, with
+    the clock at 1000 s; y and z are at rest."""
     paths = []
     for (direction, kind), (t, values) in records.items():
         for number in (1, 2, 3):

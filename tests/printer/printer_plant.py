@@ -1,7 +1,8 @@
 """A printer's axis apart from the project: a hybrid step motor, a belt and a carriage, in plain NumPy.
 
-Coils with offset, gain and quadrature errors, detent torque and a third harmonic of the flux drive the rotor,
-`m r^2` hangs on a belt. Many axes are integrated side by side, by classic Runge and Kutta.
+The rotor is driven by coils with offset, gain and quadrature errors, by detent torque and by a third harmonic
+of the flux. The carriage hangs on a belt. Many axes are integrated side by side by the classic Runge-Kutta
+method.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ class Axes:
     offset_a: np.ndarray  # A
     offset_b: np.ndarray
     gain: np.ndarray  # mismatch of coil a
-    quadrature: np.ndarray  # b has so much of a
+    quadrature: np.ndarray  # share of coil a's current in coil b
     detent: np.ndarray  # N m
     detent_phase: np.ndarray
     third: np.ndarray  # share of the back-EMF
@@ -72,7 +73,7 @@ def random_axes(count: int, seed: int) -> Axes:
 
 
 def study_axes(count: int) -> Axes:
-    """The axis of the study `printer`, so many times side by side."""
+    """`count` axes, each that of the study `printer`."""
     stiffness = 0.5 * (TURN * 75) ** 2
     values = {
         "offset_a": 10e-3 / 1.025,
@@ -110,7 +111,8 @@ def phase_shift(c: dict[int, np.ndarray], u: np.ndarray) -> np.ndarray:
 
 
 def derivative(axes: Axes, state: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Of rotor angle, rotor speed, carriage position and speed; `u`: the driver's electrical angle."""
+    """Derivatives of the rotor's angle and speed and of the carriage's position and speed. `u`: the driver's
+    electrical angle."""
     theta, omega, x, v = state
     te = axes.teeth * theta
     a = axes.current * (1 + axes.gain) * np.cos(u) + axes.offset_a
@@ -133,7 +135,7 @@ def accelerations(
     duration: float,
     every: int = 2,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times and the carriages' accelerations, a row a time. `way`: the command, m, of each axis.
+    """Times and the carriages' accelerations, a row for each time. `way`: commanded position of each axis, m.
 
     The command's electrical angle is that of the motor's teeth; a correction is added to it in the driver.
     """
@@ -172,7 +174,7 @@ def sampled(
     start: float = 0.0,
     end: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """An accelerometer's own samples: its clock, noise and steps; at rest before and after the move."""
+    """An accelerometer's samples with its own clock, noise and steps; at rest before and after the move."""
     times = np.arange(start + rng.uniform(0, 1 / rate), t[-1] if end is None else end, 1 / rate)
     values = np.interp(times, t, acceleration, left=0.0, right=0.0) + rng.normal(0, noise, len(times))
     return times, step * np.round(values / step)
@@ -205,7 +207,7 @@ def static_orders(
 
 
 def constant_speed(speeds: np.ndarray, ramp_time: float = 0.15) -> Callable[[float], np.ndarray]:
-    """Ways that speed up evenly and go on; a negative speed goes back."""
+    """Commanded positions over time, m: they speed up evenly to these speeds; a negative speed goes back."""
 
     def way(t: float) -> np.ndarray:
         return speeds * (0.5 * t * t / ramp_time if t < ramp_time else t - 0.5 * ramp_time) + 0.0123
@@ -235,7 +237,8 @@ def ripple_rms(
 
 
 def order_sizes(axes: Axes, speeds: np.ndarray, correction: dict[int, np.ndarray]) -> np.ndarray:
-    """Amplitudes of the first axis's way at constant speeds, m: a row a speed, columns of orders 1 to 8."""
+    """Amplitudes of the first axis's displacement at constant speeds, m: a row for each speed, a column for
+    each order 1 to 8."""
     lanes = axes.take(np.zeros(len(speeds), int))
     t, acceleration = accelerations(lanes, constant_speed(speeds), correction, 1.0)
     late, omega, orders = t > 0.7, axes.teeth / axes.radius * speeds, np.arange(1, 9)

@@ -39,7 +39,7 @@ def silent(study: Study, controller: str = "pi") -> bool:
 
 
 def limited(study: Study) -> tuple[Results, Remark]:
-    """The run's results with what limits it, and this in words."""
+    """The results of a run with their limit, and the remark that names the limit."""
     results = with_limits(run_study(study), jobs=1)
     remark = limit(results, "x")
     assert remark is not None

@@ -18,7 +18,7 @@ class Adrc:
     before: float = 0.0
 
     def torque(self, current: float) -> float:
-        """Somebody else's current, which the estimate of the disturbance is to take over from."""
+        """A step with somebody else's current, from which the estimate of the disturbance then goes on."""
         self.before, self.omega = clip(finite_or_zero(current), self.limit), None
         self.f = -self.b * self.before
         return self.before

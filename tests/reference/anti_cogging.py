@@ -20,7 +20,7 @@ class Leg:
     steps: int = 0
     samples: dict[int, list[float]] = field(default_factory=dict)
     at: int = 0
-    again: int = 0  # revolutions for nothing: of what was not to be learned from
+    again: int = 0  # revolutions to repeat, since learning was forbidden in them
 
 
 @dataclass

@@ -53,7 +53,7 @@ class CurrentReference:
         return abs(self.R_s * i + 1j * omega_e * complex(self.L_d * i.real + self.psi_f, self.L_q * i.imag))
 
     def largest(self, i_d: float, side: float, omega_e: float, u_max: float) -> float:
-        """Largest equivalent current beside i_d; where none is, minus the least excess of the voltage."""
+        """Largest equivalent current with this i_d; if none is possible, minus the least excess voltage."""
         q_max = math.sqrt(max(0.0, self.current_limit**2 - i_d**2))
         z, w = complex(self.R_s, 0.0), abs(omega_e)
         # u = start + slope q, for q >= 0

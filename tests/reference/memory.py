@@ -24,7 +24,7 @@ def mean_between(rows: list[list[float]], part: float) -> list[float]:
 
 @dataclass(kw_only=True)
 class Memory:
-    """What both kinds are told. `real` is the number type in which an angle is divided by a revolution."""
+    """What both kinds share. `real` is the number type in which an angle is divided by a revolution."""
 
     cells: int
     limit: list[float]  # by channel
@@ -35,15 +35,15 @@ class Memory:
     forgetting: float = 1.0
     ratio: int = 1
     real: type = float
-    revolution: tuple[int, int] = (0, 0)  # of the turns; the angle in it
-    centred: int = 0  # channels, from the first on, whose mean over the period is an integral's
+    revolution: tuple[int, int] = (0, 0)  # number of the present turn; angle in that turn
+    centred: int = 0  # number of the first channels whose mean over the period belongs to an integral
 
     def __post_init__(self) -> None:
-        self.value = [0.0] * len(self.limit)  # of the last step
-        self.mean = [0.0] * len(self.limit)  # over the period, of the last time that it was gathered
-        self.transfer = [0.0] * len(self.limit)  # of it, what an integral takes over in this step
-        self.gathered: list[list[float]] = []  # towards the next
-        self.beyond = 0.0  # share of the first of them that counts, of a line
+        self.value = [0.0] * len(self.limit)  # the last step's values
+        self.mean = [0.0] * len(self.limit)  # mean over the last period that was gathered
+        self.transfer = [0.0] * len(self.limit)  # part of the mean that an integral takes over in this step
+        self.gathered: list[list[float]] = []  # values for the next mean
+        self.beyond = 0.0  # in a delay line, the share of the first gathered value that counts
 
     def recalled(self, values: list[float]) -> list[float]:
         """The values of a period ago, less what this period takes away; learning continues from these."""
@@ -51,7 +51,7 @@ class Memory:
 
     @property
     def lost(self) -> list[float]:
-        """The part of the mean that a period takes away, beside forgetting. At most 15/16 is recalled."""
+        """What a period takes away of the mean in addition to forgetting. At most 15/16 of it is recalled."""
         beyond = max(0.0, self.forgetting - 15 / 16)
         return [beyond * mean * (c < self.centred) for c, mean in enumerate(self.mean)]
 
@@ -60,7 +60,7 @@ class Memory:
         self.mean = self.clipped([float(np.average(column, weights=weights)) for column in columns])
 
     def place(self, theta: float) -> int:
-        """In the period, of which 2^32 are one; of the turn that the rotor is in, found by the shorter way
+        """Place in the period, in 2^-32 periods. The turn that the rotor is in is found by the shorter way
         round."""
         x = self.real(theta) * (self.real(1) / self.real(2 * math.pi))
         rest = x - self.real(int(x))
@@ -90,16 +90,16 @@ class Memory:
 
 @dataclass(kw_only=True)
 class AngleMemory(Memory):
-    """A map over the period, written where the rotor passes. One period ago it was, behind the rotor, what it
-    held before the rotor came by, and ahead of it what it holds."""
+    """A map over the period, written where the rotor passes. The values of one period ago are, behind the
+    rotor, those of the map before the rotor passed; ahead of the rotor, those of the map now."""
 
     x: int = (
         0  # the last place, as it is counted: on the way back from the other end, so that it always rises
     )
-    at: int = 0  # the cell at or before it, counted like it and without wrapping
+    at: int = 0  # the cell at or before x, counted like x and without wrapping
     back: bool = False
-    passed: int = 0  # cells, in the last step
-    half: int = 0  # how far the filter looks to each side, as yet
+    passed: int = 0  # cells that the rotor passed in the last step
+    half: int = 0  # present half width of the filter
     started: bool = False
     follows: bool = False  # the last step learned
     behind: dict[int, list[float]] = field(default_factory=dict)  # the last cells passed, as they were
@@ -110,14 +110,14 @@ class AngleMemory(Memory):
         self.map = [[0.0] * len(self.limit) for _ in range(self.cells)]
 
     def counted(self, place: int) -> int:
-        """On the way back, from the last cell instead of the first."""
+        """The place, which on the way back counts from the last cell instead of the first."""
         return (-place - WHOLE // self.cells if self.back else place) % WHOLE
 
     def cell(self, n: int) -> list[float]:
         return self.map[(self.cells - 1 - n if self.back else n) % self.cells]
 
     def ago(self, m: int) -> list[list[float]]:
-        """From m cells before the last to m + 1 after it."""
+        """The values of one period ago, from m cells before the last cell to m + 1 after it."""
         behind = [self.behind[n] for n in range(self.at - m, self.at + 1)]
         return [*behind, *(self.cell(n) for n in range(self.at + 1, self.at + m + 2))]
 
@@ -205,9 +205,9 @@ class AngleMemory(Memory):
 
 @dataclass(kw_only=True)
 class DelayLine(Memory):
-    """Samples in a row, which wait while it cannot go on. By time, the period is that of the reference speed;
-    else it is P_t, by its differential equation or by inversion of the angle, which is kept as whole periods
-    and the rest."""
+    """Samples in a row. None is added in a step in which goes_on() is false. By time, the period is that of
+    the reference speed. Else it is P_t, from its differential equation or by inversion of the angle. Angles
+    are kept as whole periods and the rest."""
 
     kind: str  # "time", "ode" or "inversion"
     ts: float
@@ -246,7 +246,7 @@ class DelayLine(Memory):
         return self.p_t + self.ts * (1.0 - (dx + self.k_pp * error) / slope)
 
     def moves_to(self, then: int) -> int:
-        """How far it is to that sample, within the line; goes there, or as far as it may."""
+        """Move `self.then` towards a sample within the line, by at most MOVES; returns the whole distance."""
         oldest, newest = max(0, len(self.rest) - self.length), len(self.rest) - 1
         way = min(max(then, oldest), newest) - self.then
         self.then += min(max(way, -MOVES), MOVES)
@@ -269,7 +269,7 @@ class DelayLine(Memory):
                 self.p_t = float(np.interp(1.0, near, (older - 1, older))) * self.ts
 
     def goes_on(self, theta: float, speed: float) -> bool:
-        """Whether the period has changed its place in the line; finds it then."""
+        """Find the present period; returns whether the line goes on in this step."""
         if self.kind == "time":
             a_sample = abs(speed) * self.ts * self.ratio * self.parts / (2 * math.pi * self.turns)
             within = a_sample > 0 and a_sample * self.cells >= 1 and a_sample * self.fewest <= 1

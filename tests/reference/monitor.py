@@ -34,7 +34,7 @@ class Monitor:
 
     def __post_init__(self) -> None:
         self.theta = self.omega = self.shift = self.slip = self.still = 0.0
-        self.raw: float | None = None  # of the last period, if it was an angle
+        self.raw: float | None = None  # the last period's measurement, if it was an angle
         self.started = False
         self.was_stuck = self.unsure = False
         self.gap = self.lost = self.blind = self.dark = self.holding = 0
@@ -129,7 +129,7 @@ class Monitor:
         return known if abs(between(shift, known)) <= reach else shift
 
     def _unseen(self, shift: float) -> float:
-        """The sensor may have stood, and the rotor turned."""
+        """How much of a shift may come from a rotor that turned while the sensor stood, rad."""
         return 2 * abs(self.still) if self.stuck_angle and shift * self.still > 0 else 0.0
 
     def _stuck(self, moved: float, omega_ref: float, full: bool) -> bool:

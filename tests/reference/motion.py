@@ -36,5 +36,5 @@ def motion(rng: np.random.Generator, steps: int, ts: float, faults: float = 0.0)
 
 
 def rounded(x: np.ndarray, real: type) -> np.ndarray:
-    """As the library sees it, in doubles again."""
+    """x rounded to the library's number type, as doubles."""
     return np.asarray(x).astype(real).astype(float)

@@ -15,7 +15,7 @@ class Pi:
     saturated: bool = False
 
     def torque(self, current: float, feedforward: float = 0.0) -> float:
-        """Somebody else's current, which the integral takes over if it has a gain that can correct it."""
+        """A step with somebody else's current. The integral takes it over if its gain can correct it."""
         current = finite_or_zero(current)
         self.integral, self.saturated = clip(current, self.limit) if self.ki > 0 else 0.0, False
         return clip(current + feedforward, self.limit)

@@ -20,8 +20,8 @@ class Quality:
     floor: float
     ts: float
     errors: list[float] = field(default_factory=list)
-    outliers: list[bool] = field(default_factory=list)  # of these errors
-    signs: str = ""  # of the outliers, one for each sample
+    outliers: list[bool] = field(default_factory=list)  # whether each of these errors is an outlier
+    signs: str = ""  # signs of the outliers, one character for each sample
     refused: float = math.inf
     last_peak: float = 0.0
     wait: int = 0

@@ -22,12 +22,12 @@ class RobustIlc:
     ts: float
     limit: float
     memory: AngleMemory | DelayLine
-    integral_e: float = 0.0  # of e over time
+    integral_e: float = 0.0  # integral of e over time
     r: float = 0.0
     omega_ref_before: float | None = None
     saturated: bool = False
     learning: bool = False
-    terms: dict[str, float] = field(default_factory=dict)  # of the last step, A
+    terms: dict[str, float] = field(default_factory=dict)  # terms of the last step's current, A
 
     def __post_init__(self) -> None:
         self.memory.centred = int(self.gamma > 0)
@@ -69,7 +69,7 @@ class RobustIlc:
         return u
 
     def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
-        """r will take over from the current, less the friction that is known."""
+        """A step with somebody else's current. r then takes the current over, less the known friction."""
         current = finite_or_zero(current)
         omega = omega_m if math.isfinite(omega_ref - omega_m) else 0.0
         (f,), self.learning = self.memory.step(theta_m, omega_ref, False, [0.0])

@@ -93,7 +93,7 @@ class SpacePosition:
         return clip(sum(self.terms.values()), self.limit)
 
     def torque(self, i: PositionInput, current: float) -> float:
-        """The integral will take over from the current, where it has a share and a gain."""
+        """A step with somebody else's current. The integral takes it over if it has a share and a gain."""
         n, current = self.ratio, finite_or_zero(current)
         plausible = all(map(math.isfinite, i[:5])) and is_angle(i.theta_ref) and is_angle(i.theta_m)
         moving = plausible and abs(i.omega_ref) >= self.omega_min

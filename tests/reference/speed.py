@@ -4,7 +4,7 @@ import numpy as np
 
 
 def counted(counts: np.ndarray, per_revolution: int, window: int, ts: float) -> np.ndarray:
-    """M: difference over the window, the rotor standing before it."""
+    """Speed by M: the difference over the window. The rotor stands before the first count."""
     before = np.concatenate([np.full(window, counts[0]), counts])[: len(counts)]
     return (counts - before) * 2 * np.pi / per_revolution / (window * ts)
 
@@ -12,7 +12,7 @@ def counted(counts: np.ndarray, per_revolution: int, window: int, ts: float) -> 
 def timed(
     edges: np.ndarray, directions: np.ndarray, samples: np.ndarray, step: float, last_interval: bool
 ) -> np.ndarray:
-    """MT or T at each sample after the second edge. `edges`, `samples`: s; `directions`: +1 or -1."""
+    """Speed by MT or T at each sample after the second edge. `edges`, `samples`: s; `directions`: +-1."""
     passed = np.searchsorted(edges, samples, side="right")
     speeds, before = [], passed[0]
     for now, t in zip(passed[1:], samples[1:], strict=True):

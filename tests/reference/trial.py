@@ -25,7 +25,7 @@ def feedforward(num, den, preview: int, y_ref: np.ndarray, count: int) -> np.nda
 
 
 def zero_phase(b, a, x: np.ndarray, odd: bool = False) -> np.ndarray:
-    """The columns of x through the filter in both directions, continued by an even or odd reflection."""
+    """The columns of x, filtered in both directions; x is continued by an even or odd reflection."""
     if odd:
         return np.asarray(filtfilt(b, a, x, axis=0))
     whole = np.concatenate([x[::-1], x, x[::-1]])

@@ -14,8 +14,8 @@ def functions(y_ref: np.ndarray) -> np.ndarray:
 
 
 def carried(v: np.ndarray, old: np.ndarray, new: np.ndarray, n: float, k_2: float) -> np.ndarray:
-    """v for the new reference. `k_2`: 0 where v doesn't act through the integral. For functions of which none
-    follows from the others."""
+    """v for the new reference. `k_2`: 0 if v doesn't act through the integral. The basis functions must be
+    linearly independent."""
     samples = len(v)
     W = n * np.eye(samples) + k_2 * np.tri(samples, k=-1)
     A, B = functions(np.asarray(old)), functions(np.asarray(new))

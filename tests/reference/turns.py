@@ -17,5 +17,5 @@ def parts_of_angle(theta: float) -> int:
 
 
 def turned(angle: int, radians: float) -> int:
-    """The angle, in parts of a turn, that is ahead by so much."""
+    """The angle that is ahead of `angle` by these radians, in parts of a turn."""
     return (angle + parts(clip(radians / math.tau, 0.4999))) % TURN

@@ -49,7 +49,7 @@ def complete_change(context: typer.Context, incomplete: str) -> list[str]:
 
 
 def complete_part(kind: str) -> Callable[[str], list[str]]:
-    """Names of a kind of the catalogue of parts: motors, drives, encoders."""
+    """The function that completes names of a kind of parts: motors, drives or encoders."""
 
     def complete(incomplete: str) -> list[str]:
         from cogless.starter.request import names
@@ -73,12 +73,12 @@ def _files(incomplete: str) -> Iterator[str]:
 
 
 def _literal(text: str) -> str:
-    """A text as a pattern that matches only itself."""
+    """The glob pattern that matches only this text."""
     return "".join(f"[{character}]" if character in "*?[" else character for character in text)
 
 
 def _tables(context: typer.Context) -> dict[str, Any]:
-    """The tables of the study that the line names; none if there is no such study, or if it is no TOML."""
+    """The tables of the study that the line names; {} if there is no such study, or if it isn't TOML."""
     from cogless.errors import StudyError
     from cogless.study.reading import find
 

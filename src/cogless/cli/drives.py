@@ -1,4 +1,4 @@
-"""`drives` and `table`: what is read and written for drives that people own."""
+"""`drives` lists the supported drives; `table` writes a table in a drive's own format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cogless.drives.adapter import Adapter, TableFrame, TableText
     from cogless.drives.holding_current import HoldingCurrent
 
-FLAWED_SHARE = 0.1  # of the holding current's rms: a table that leaves more is told
+FLAWED_SHARE = 0.1  # share of the holding current's rms; a table that leaves more gets a warning
 
 
 def drives() -> None:
@@ -170,7 +170,7 @@ def table(
 
 
 def _put(written: TableText, lines: Sequence[str], output: Path | None) -> None:
-    """Print lines and what the user does with the table, and write it."""
+    """Print these lines and instructions for the user, and write the table if `output` is given."""
     from cogless.files import replacing
 
     for line in (*lines, *_instructions(written, output)):
@@ -184,7 +184,7 @@ def _put(written: TableText, lines: Sequence[str], output: Path | None) -> None:
 
 
 def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) -> None:
-    """The correction of the encoder that a folder of identify tells."""
+    """Write the encoder's correction, which a folder of `cogless identify` holds, as the drive's table."""
     import math
 
     from cogless.drives.adapter import FRAME_FILE, frame_from
@@ -217,9 +217,9 @@ def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) ->
 def _predict(
     source: Path, frame: TableFrame, written: TableText, adapter: Adapter, study: Path | None
 ) -> tuple[list[str], list[str]]:
-    """Lines on the ripple under the drive's own law, or on why it is not predicted.
+    """Two lists of lines: the ripple under the drive's own law, and why this ripple is not predicted.
 
-    `study`: where the study of it is written.
+    `study`: folder into which the simulated study is written.
     """
     from cogless.drives import predicted_ripple
     from cogless.results.folder import locked_folder, new_set
@@ -275,7 +275,7 @@ def _angle(text: str) -> float:
 def _source(
     source: Path, from_: str | None, target: Adapter, configuration: Path | None
 ) -> tuple[HoldingCurrent, TableFrame]:
-    """The current, and how its angle lies to the index of the drive that it is written for."""
+    """The holding current that SOURCE holds, and how its angle relates to the index of the drive `target`."""
     from cogless.drives import holding_current
     from cogless.drives.adapter import FRAME_FILE, TableFrame, frame_from
     from cogless.drives.registry import adapter_named

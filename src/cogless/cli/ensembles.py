@@ -111,7 +111,7 @@ def tune(
     sweep_table.require("tune")
     search.require()
     loaded = to_run(study, changes, no_code)
-    journals = map(tuning.journal_name, tuning.subjects(loaded))  # a mistake is told before anything runs
+    journals = map(tuning.journal_name, tuning.subjects(loaded))  # checks [tune] before any run
     folder = output or results_folder(loaded.source.path)
     path = folder / f"{loaded.name}-tuned.toml"
     with writable(folder):
@@ -132,13 +132,13 @@ def tune(
         print_text(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")
-    # short runs don't show all, such as learning that grows slowly
+    # Warnings, since short runs don't show everything, such as learning that grows slowly.
     print_uncertified(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
 
 
 @contextmanager
 def _workers(jobs: int, dask: str | None) -> Iterator[Workers]:
-    """Processes of this machine, or the workers of a Dask cluster."""
+    """Yield the processes of this machine, or the workers of the Dask cluster at the address `dask`."""
     from cogless.ensemble import workers as executing
 
     if dask is None:
@@ -150,7 +150,7 @@ def _workers(jobs: int, dask: str | None) -> Iterator[Workers]:
 
 
 def _shard(text: str | None) -> Shard:
-    """The part that --shard names; without it the whole."""
+    """The part of the sweep that --shard names; the whole sweep without this option."""
     from cogless.ensemble.sweep import SHARD_NUMBER, Shard
 
     index, _, of = (text or "1/1").partition("/")

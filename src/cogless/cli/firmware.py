@@ -1,4 +1,4 @@
-"""`export`, `pil`, `map`: a controller as C or FMU or on an emulated processor; maps as firmware has them."""
+"""`export` writes a controller as C or FMU, `pil` runs it on an emulated processor, `map` shows maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables as wide as the terminal, in which no word is broken: one that is too wide is printed in parts."""
+"""Fit tables to the terminal without breaking words: a table that is too wide is printed in parts."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
 
 GAP_COLUMNS = 2  # blanks beside a column's text
 WIDTH_MOST = 10_000
-SHORT_COLUMNS = 14  # lines of columns up to this width stay whole before other columns get their room
+SHORT_COLUMNS = 14  # columns with lines up to this width get their room before other columns
 
 
 def fitted(console: Console, part: RenderableType) -> Iterator[RenderableType]:
-    """The parts of what is printed; a table that is wider than the console as several tables.
+    """Yield `part`, with each table that is wider than the console split into several tables.
 
-    Each of these begins with the first column. A line of text breaks between words.
+    Each of these tables begins with the first column. Their cells' lines break between words.
     """
     from rich.console import Group
     from rich.table import Table
@@ -51,7 +51,10 @@ def _tables(console: Console, whole: Table) -> Iterator[RenderableType]:
 
 
 def _table(console: Console, whole: Table, columns: Sequence[Column], begins: bool, ends: bool) -> Table:
-    """A table of these columns, each as wide as its text, or as the room that is left allows."""
+    """A table of these columns, each as wide as its longest line, or as wide as the console allows.
+
+    `begins`: with the title of the whole table. `ends`: with the caption.
+    """
     from rich.table import Table
 
     part = Table(
@@ -77,7 +80,7 @@ def _table(console: Console, whole: Table, columns: Sequence[Column], begins: bo
 
 
 def _least(console: Console, column: Column) -> int:
-    """A column's least width with gap: its longest word, or its longest cell if cells stay on one line."""
+    """A column's least width with gap: its longest word, or its longest cell if cells may not be wrapped."""
     cells = [_width(console, cell, words=not column.no_wrap) for cell in column.cells]
     longest = max(_width(console, part, words=False) for part in (column.header, *column.cells))
     words = _width(console, column.header, words=True)

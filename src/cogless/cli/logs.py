@@ -1,4 +1,4 @@
-"""`identify` and `diagnose`: what a drive's logs tell."""
+"""`identify` and `diagnose`: find a motor's parameters and the causes of its ripple in a drive's logs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cogless.lines import print_text
 
 
 def percent(share: float) -> str:
-    """How far a step is, for the terminal."""
+    """The share of a step that is done, as text such as ", 40%"; empty at zero."""
     return f", {share:.0%}" if share else ""
 
 
@@ -182,7 +182,7 @@ def identify(
 
 
 def _motions(plan: Path, by_script: bool) -> list[str]:
-    """The motions of a plan's study and how long each takes; those that a script can't play apart."""
+    """Lines on a plan's motions and how long each takes; a second line on those that a script can't play."""
     study = load(str(plan), None)
     texts = {name: f"{name} ({scenario.duration:.3g} s)" for name, scenario in study.scenario.items()}
     tables = study.source.tables["scenario"]
@@ -196,7 +196,7 @@ def _motions(plan: Path, by_script: bool) -> list[str]:
 
 
 def _log_words(scripts: Mapping[str, str]) -> str:
-    """The logs that a script writes, as words of a command; LOG... where their names are the user's."""
+    """The logs that a script writes, as words of a command; "LOG..." if the user names the logs."""
     from cogless.drives.registry import LOGS_NAME
 
     rules = tomllib.loads(scripts[LOGS_NAME])["log"] if scripts else []
@@ -262,7 +262,7 @@ def diagnose(
 
 
 def _print_remarks(left_out: Sequence[str], remarks: Sequence[str]) -> None:
-    """Print what the logs can't tell and problems, each with a mark, then notes, which find nothing wrong."""
+    """Print what the logs don't show, then problems, both marked with !, then notes on what agrees."""
     from cogless.identify.voltage import Agreement
 
     groups: dict[str, list[str]] = {

@@ -193,12 +193,12 @@ class _Question(NamedTuple):
 
 
 def asks() -> bool:
-    """Whether someone sits at a terminal who can be asked."""
+    """Whether stdin is a terminal, so that the user can be asked."""
     return sys.stdin.isatty()
 
 
 def _ask(flag: str, question: _Question) -> Any:
-    """The answer to a question."""
+    """Ask until the answer is valid, and return what `take` makes of the answer."""
     while True:
         answer = typer.prompt(question.text, default=question.default)
         try:
@@ -238,7 +238,7 @@ def _request(
 
 
 def _part(flag: str, name: str | None) -> str:
-    """The name of a part of the catalogue, which is asked for if it is missing."""
+    """`name`, or if it is None, the name of a part of the catalogue that the user chooses."""
     from cogless.starter.request import check_name, names
 
     if name is not None:
@@ -254,7 +254,7 @@ def _part(flag: str, name: str | None) -> str:
 
 
 def _check_complete(chosen_parts: Mapping[str, str | None], numbers: Mapping[str, Any]) -> None:
-    """StudyError with an example of each missing option that no guess can replace."""
+    """Raise StudyError if options are missing that no guess can replace, with an example of each."""
     own = _needed_numbers(numbers) if chosen_parts["motor"] == "own" else {}
     examples = {flag: EXAMPLES[flag] for flag, name in chosen_parts.items() if name is None}
     examples |= {flag: default for flag, (_, default) in own.items()}
@@ -267,14 +267,14 @@ def _check_complete(chosen_parts: Mapping[str, str | None], numbers: Mapping[str
 
 
 def _motor_by(numbers: Mapping[str, Any]) -> str | None:
-    """The class that the numbers alone tell."""
+    """The motor's class that follows from the given numbers alone; None if none does."""
     if "holding-torque" in numbers:
         return "nema17" if numbers["holding-torque"].value <= NEMA17_MOST else "nema23"
     return "own" if {"pole-pairs", *CONSTANTS} & numbers.keys() else None
 
 
 CONSTANTS = {"kv", "torque-constant", "back-emf"}
-NEMA17_MOST = 0.8  # N*m, that a step motor of 42 mm holds
+NEMA17_MOST = 0.8  # N*m, largest holding torque of a step motor of 42 mm
 
 
 def _encoder_by(numbers: Mapping[str, Any]) -> str | None:
@@ -284,7 +284,7 @@ def _encoder_by(numbers: Mapping[str, Any]) -> str | None:
 
 
 def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
-    """Ask for the numbers without which a motor of one's own can't be described."""
+    """Ask for missing numbers of the motor: the necessary ones of "own", the most open ones of a class."""
     from cogless.starter.request import parse_number
 
     if motor == "own":
@@ -297,7 +297,7 @@ def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
 
 
 def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """Numbers still missing to describe a motor of one's own: flag -> question and default."""
+    """{flag: (question, default)} of the missing numbers that a motor of class "own" can't do without."""
     needed = {
         "pole-pairs": ("Pole pairs (half the number of magnets)", "7"),
         "kv": ("Kv, r/min per volt of the battery", "80"),
@@ -312,7 +312,7 @@ COGGING_QUESTION = "Cogging torque, half of peak to peak, in N*m"
 
 
 def _ask_of_class(motor: str, numbers: dict[str, Any]) -> None:
-    """Ask for what a class of motors leaves open most, each with the class's typical value as the default."""
+    """Ask for the numbers that a class of motors leaves most open; the defaults are typical of the class."""
     from cogless.starter.amounts import amount
     from cogless.starter.part_catalogue import parts
     from cogless.starter.request import NUMBERS
@@ -361,7 +361,7 @@ NOT_ASKED = ("inertia", "inductance", "slots", "friction", "rated-current", "bus
 
 
 def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
-    """Ask for a number that may stay unknown: the default leaves it so."""
+    """Ask for a number that may stay unknown: the default answer adds nothing to `numbers`."""
     from cogless.starter.request import parse_number
 
     if flag in numbers:
@@ -372,7 +372,7 @@ def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> 
 
 
 def _ask_unless(flag: str, text: str, default: str, take: Callable[[str], Any]) -> Any:
-    """The answer to a question, as `take` makes it; None for the default."""
+    """Ask, and return what `take` makes of the answer; None if the answer is the default."""
     question = _Question(text, default, lambda answer: None if answer == default else take(answer))
     return _ask(flag, question)
 
@@ -409,9 +409,9 @@ def _show_ranking(study: Study, drafted: Draft, path: Path) -> None:
 
 
 def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence[str]) -> list[str]:
-    """What the command says of a ranking, in lines of at most LINE_COLUMNS.
+    """The command's report on a ranking, in lines of at most LINE_COLUMNS columns.
 
-    `unusual`: the numbers that such a motor seldom has, which matter where the speed is not held.
+    `unusual`: numbers that such a motor seldom has, shown if the speed is not held or the motion is uneven.
     """
     from cogless.design.answers import answer_of
 
@@ -421,7 +421,7 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
         lines += _wrapped(f"Check first what is unusual for such a motor: {', '.join(unusual)}.")
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
     if design is not None and design.verdict == "not worth it" and not _pays_off(design):
-        effects = []  # the guesses are of what harmonic leaves
+        effects = []  # effects on harmonic's ripple don't matter here
     if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         of_runs = f", by runs of {ranking.duration:.2g} s" if ranking.duration else ""
@@ -467,7 +467,7 @@ def _pays_off(design: Answer) -> bool:
 
 
 def _why_not(study: Study) -> str:
-    """The design's own warnings of the scenario and of harmonic, in a sentence each."""
+    """The design's warnings about the first scenario, then those about `harmonic`, a sentence each."""
     from cogless.design.warnings import beyond_drive, warnings
 
     scenario = next(iter(study.scenario))
@@ -495,7 +495,7 @@ def _rpm(speed: float, unit: str = " r/min") -> str:
 
 
 def _called(path: Path) -> str:
-    """What names the study in a command: without .toml, unless a shipped study has that name."""
+    """The study's name in a command: without .toml, unless a shipped study or a file has that name."""
     from cogless.files import shipped
 
     bare = path.with_suffix("")
@@ -514,6 +514,6 @@ def _wrapped(text: str, first: str = "", others: str = "") -> list[str]:
 
 
 def _has_own_words(study: Study) -> bool:
-    """Whether the motor is in the words of a datasheet that a page's own fields need."""
+    """Whether the motor table has the datasheet's keys for which a page has fields of one's own motor."""
     motor = study.source.tables["motor"]
     return all(key in motor for key in ("kv", "resistance_line_to_line", "inductance_line_to_line"))

@@ -1,4 +1,4 @@
-"""Options that several commands share, and the study that a command line asks for."""
+"""Options that several commands share, and functions that load the study of a command line."""
 
 from __future__ import annotations
 
@@ -23,12 +23,15 @@ from cogless.lines import print_text
 if TYPE_CHECKING:
     from cogless.study import AnyStudy
 
-COMMON_NAME = "study"  # of the files that several commands write
+COMMON_NAME = "study"  # stem of the study files that several commands write
 CORES = os.cpu_count() or 1
 
 
 def place(text: str) -> Path:
-    """The path of an output. An empty one, as of an unset shell variable, would be the current folder."""
+    """The path of an output. An empty text, as of an unset shell variable, is refused.
+
+    Its path would be the current folder.
+    """
     if not text:
         raise typer.BadParameter('"": expected a path')
     return Path(text)
@@ -131,14 +134,14 @@ NoCodeOption = Annotated[
 
 
 def results_folder(path: Path) -> Path:
-    """Where results of the study in a file go by default."""
+    """Default folder for the results of the study in a file."""
     return Path("results") / results_name(path)
 
 
 def results_name(path: Path) -> str:
-    """The name of what is made of a study: its file's, or its folder's where the file is a study.toml.
+    """The name of a study's results: the stem of its file, or for a study.toml the name of its folder.
 
-    A folder below the present one is named with those between, so that two of one name keep apart.
+    If the folder is below the current one, its whole path from there is in the name, so that names differ.
     """
     if path.stem != COMMON_NAME:
         return path.stem
@@ -161,14 +164,14 @@ def load(study: str, changes: list[str] | None) -> AnyStudy:
 
 
 def chosen(study: AnyStudy, controller: str | None) -> str:
-    """The controller of the command line; StudyError lists those of the study where there is none."""
+    """The controller of the command line; StudyError, with the study's controllers, if it is missing."""
     if controller is None:
         raise StudyError(f"--controller: missing: expected one of {', '.join(study.controller)}")
     return controller
 
 
 def to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:
-    """The study, whose own code is named before any of it runs."""
+    """Load a study that is to be run, and print which code of its own it would run."""
     loaded = load(study, changes)
     path = loaded.source.path
     name_code(path, "controller", loaded.controller, no_code, lambda code: str(path.parent / code))
@@ -178,7 +181,7 @@ def to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:
 def name_code(
     path: Path, table: str, laws: Mapping[str, Any], no_code: bool, path_of: Callable[[str], str]
 ) -> None:
-    """Say which files' code these laws run, or refuse it. `path_of`: where a file that a law names is."""
+    """Print which files of code these laws run, or refuse them. `path_of`: path of a file that a law has."""
     for name, law in laws.items():
         if law.code is not None:
             if no_code:

@@ -1,4 +1,4 @@
-"""Results on the terminal, the answer first, and the design's warnings."""
+"""Print results, the answer first, and the design's warnings."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from cogless.study.reading import Remark
 
 BLOCK_INDENT = "  "
-LABEL_COLUMNS = 30  # a table of metrics has at least so many for its labels, if these are that long
+LABEL_COLUMNS = 30  # least columns for the labels of a table of metrics, if a label is that long
 
 
 def print_results(results: AnyResults, every_metric: bool = False) -> None:
-    """Print for each scenario the verdict, what each controller leaves, what limits the best, and the cost.
+    """Print for each scenario the verdict, each controller's value, what limits the best run, and the cost.
 
-    `every_metric`: with the table of all metrics.
+    `every_metric`: print the table of all metrics, too.
     """
     from cogless import report
     from cogless.report.comparison import remarks
@@ -74,9 +74,9 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
 
 
 def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str], off: LearningHelps | None) -> None:
-    """Print a metric: each controller's value, and what that is beside the baseline's.
+    """Print a metric: each controller's value, and how this value compares with the baseline's.
 
-    `off`: the best law with learning off, which has a row of its own.
+    `off`: result of the best law with learning off, printed in a row of its own.
     """
     from rich.table import Table
     from rich.text import Text
@@ -141,7 +141,7 @@ def _print_outcome(study: AnyStudy, ends: Outcome) -> None:
 
 
 def print_blocks(blocks: Blocks) -> None:
-    """Print a design: a block a controller, then the notes."""
+    """Print a design: its title, one block for each controller, then the notes."""
     console = new_console()
     console.print(blocks.title, style="bold", highlight=False, markup=False)
     for block in blocks.blocks:
@@ -173,7 +173,7 @@ def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
 
 
 def _warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Remark]]:
-    """The design's warnings about the controllers of these runs (scenario, name), each line once."""
+    """Yield (controller, warning of the design) for these runs (scenario, controller), each line once."""
     from cogless.design.kinds import DESIGNS
 
     of_each, lines = {name: scenario for scenario, name in runs}, set[str]()
@@ -185,7 +185,7 @@ def _warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> Iterator[tupl
 
 
 def print_uncertified(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
-    """Print the design's warnings beside results, unless the report has a certificate of each controller."""
+    """Print the design's warnings with results, unless the report has a certificate of each controller."""
     from cogless.design.kinds import DESIGNS
 
     if not DESIGNS[study.kind].certified:
@@ -193,7 +193,7 @@ def print_uncertified(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
 
 
 def print_warnings_beside(results: AnyResults) -> None:
-    """As `print_uncertified`, but with whether the rotor stopped in place of that it may stop."""
+    """As `print_uncertified`, but a warning that the rotor may stop says whether it stopped in the run."""
     from cogless import report
     from cogless.design.kinds import DESIGNS
 

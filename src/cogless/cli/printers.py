@@ -23,7 +23,7 @@ REPORT_FILE = "report.html"
 
 
 def printer_adapter(drive: str | None) -> Adapter | None:
-    """The printer's firmware that `--drive` names. None: it names a drive with a sensor, or is not given."""
+    """The adapter of the printer's firmware `drive`; None if `drive` is None or is no printer's firmware."""
     from cogless.drives.registry import ADAPTERS
 
     adapter = ADAPTERS.get(drive or "")
@@ -31,7 +31,7 @@ def printer_adapter(drive: str | None) -> Adapter | None:
 
 
 def plan_runs(adapter: Adapter, file: Path, output: Path) -> None:
-    """Write the files that make the runs of an axis."""
+    """Write the files with which a printer runs an axis, and print what to do with them."""
     from cogless.printer.axis import read_axis
     from cogless.results.folder import locked_folder, new_set
 
@@ -78,14 +78,14 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
 
 
 def study_line(path: Path) -> str:
-    """The line by which a controller of any study, in whatever folder, takes the correction of a file."""
+    """The TOML line that gives a file's correction to a controller of a study in any folder."""
     from cogless.study.toml import toml
 
     return f"correction = {toml({'file': str(path.resolve())})}"
 
 
 def correction_lines(correction: Correction) -> list[str]:
-    """The correction of both directions, a line each, then friction and remarks."""
+    """Lines on the motor, on each order of the correction in each direction, on friction, and remarks."""
     lines = [
         f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds mag sin(n u + "
         f"pha) to the electrical angle u."
@@ -110,7 +110,10 @@ def correction_lines(correction: Correction) -> list[str]:
 
 
 def write_correction(adapter: Adapter, source: Path, current: str | None, output: Path | None) -> None:
-    """Write a correction in a firmware's own format; what it can hold is said first."""
+    """Write a correction in a firmware's own format, after printing what that format can hold.
+
+    `current`: current of the user's motor, compared with that of the logs. `output` None: nothing is written.
+    """
     from cogless import units
     from cogless.files import replacing
     from cogless.printer.corrections import read_correction
@@ -141,7 +144,7 @@ def write_correction(adapter: Adapter, source: Path, current: str | None, output
 
 
 def _quantity(option: str, text: str, dimension: Dimension) -> float:
-    """A quantity above zero of the command line, SI; a plain number has the unit that messages show."""
+    """The value of an option, in SI units and above zero. A plain number has the unit that messages show."""
     from cogless import units
 
     unit = dimension.example or dimension.unit

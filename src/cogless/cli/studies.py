@@ -1,4 +1,4 @@
-"""Commands for one study: `run`, `live`, `design`, `calibrate`; and `list`, what is shipped."""
+"""Commands for one study: `run`, `live`, `design`, `calibrate`. `list` shows what is shipped."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from cogless.results import AnyResults
     from cogless.study import AnyStudy
 
-MAPS = "maps"  # the folder of learned maps, within that of the results
-ACCELEROMETER = "accelerometer"  # the folder of its logs, within that of the results
+MAPS = "maps"  # folder of the learned maps, within the folder of the results
+ACCELEROMETER = "accelerometer"  # folder of the accelerometer's logs, within the folder of the results
 WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
 
 
@@ -96,7 +96,7 @@ def run(
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
             except RunError as error:
                 failures, results = [error], error.results
-            except RunDefect as error:  # what is finished is written before it is told
+            except RunDefect as error:  # raised below, after the finished runs are written
                 defect, results = error, error.results
         results = with_limits(_with_learning_off(results, place), limits, jobs, place)
         with deferred(WRITING) as requests:
@@ -180,7 +180,7 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
 
 
 def _arena(study: str, changes: list[str] | None) -> Arena | None:
-    """The arena of a file, or None if it has a study."""
+    """The arena of a file, or None if the file is a study."""
     from cogless.ensemble.arena_file import arena_of
     from cogless.study.reading import changes_from, find, is_arena, put, read
 
@@ -300,9 +300,9 @@ def calibrate(
 
 
 def with_limits(results: AnyResults, asked: bool | None, jobs: int, folder: Path | None) -> AnyResults:
-    """The results, with what limits each scenario's best run added.
+    """The results, with an analysis of what limits each scenario's best run.
 
-    `asked`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
+    `asked`: True for the option --limits, False for --no-limits, else None. `folder`: place for long traces.
     """
     from cogless import report
 
@@ -318,7 +318,7 @@ def with_limits(results: AnyResults, asked: bool | None, jobs: int, folder: Path
 
 
 def _with_learning_off(results: AnyResults, folder: Path) -> AnyResults:
-    """The results, with what each scenario's best law leaves with its learning off."""
+    """The results, with the result of each scenario's best law when its learning is off."""
     from cogless import report
 
     if results.interrupted:
@@ -333,7 +333,7 @@ def _with_learning_off(results: AnyResults, folder: Path) -> AnyResults:
 
 
 def sentences(results: AnyResults) -> dict[str, str]:
-    """Sentences on what limits the best run, by scenario; none where no cause is known or stands out."""
+    """{scenario: sentence on what limits its best run}, without scenarios that have no known main cause."""
     from cogless import report
 
     remarks = {scenario: report.limit(results, scenario) for scenario in results.scenarios}
@@ -380,7 +380,10 @@ def live(
 
 
 def _limits(study: AnyStudy, asked: bool | None, jobs: int) -> dict[str, str]:
-    """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
+    """{scenario: sentence on what limits its best run}, from runs of the study.
+
+    All pairs that the page can hold are run if `asked` is true, and only the quick ones if it is None.
+    """
     from cogless.live.description import page_runs
     from cogless.report import has_limits, is_quick
     from cogless.run.simulate import RunError, run_study

@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
     from cogless.run.simulate import StudyProgress
 
-# columns where the output is no terminal, so that lines in files and pipes are not wrapped
+# columns that the output has if it is no terminal: so many that lines in files and pipes are not wrapped
 PIPE_COLUMNS = 240
 COMMAND = "cogless"
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # names of variables
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # environment variables, one of which a Linux desktop sets
 
 
 def program() -> str:
-    """What calls cogless in a line to copy: its name, or this call's path, such as .venv/bin/cogless.
+    """The word that starts cogless in a command to copy: "cogless", or a path such as .venv/bin/cogless.
 
-    It is the path where the name calls nothing, or another installation.
+    The path is that of this call. It is returned if "cogless" starts nothing or another installation.
     """
     called, on_path = Path(sys.argv[0]), shutil.which(COMMAND)
     if called.name != COMMAND or called.parent == Path() or not called.exists():
@@ -67,7 +67,7 @@ def print_fitted(part: RenderableType) -> None:
 
 
 def new_bar(*columns: ProgressColumn) -> Progress:
-    """A progress bar on stderr, hidden if that is no terminal; columns: by default text, bar and time."""
+    """A progress bar on stderr, hidden if stderr is no terminal. `columns`: default text, bar and time."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = new_console(stderr=True)
@@ -91,7 +91,7 @@ def run_progress(runs: int) -> Iterator[StudyProgress]:
 
 @contextmanager
 def variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
-    """Show finished variants and the time left on stderr if it is a terminal."""
+    """Show finished variants and the time left, if stderr is a terminal; yield the function that reports."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     with new_bar(
@@ -103,7 +103,10 @@ def variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
 
 @contextmanager
 def tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
-    """Show what is tuned, how far it is, and the best value so far on stderr if it is a terminal."""
+    """Show what is tuned, its progress and the best value so far, if stderr is a terminal.
+
+    Yields the function that reports a name, the number of tries, their budget and the best value.
+    """
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     description = TextColumn("{task.description}")
@@ -120,15 +123,14 @@ def tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
 
 @contextmanager
 def share_progress(what: str) -> Iterator[Callable[[float], None]]:
-    """Show the progress of one task on stderr if it is a terminal; yield the function that takes its
-    share."""
+    """Show the progress of a task, if stderr is a terminal; yield the function that takes the share done."""
     with new_bar() as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
 def has_desktop() -> bool:
-    """Whether someone sits at a terminal of a desktop, where a browser can open a window."""
+    """Whether stdout is a terminal of a desktop, where a browser can open a window."""
     windows = sys.platform in ("win32", "darwin") or any(os.environ.get(name) for name in DISPLAYS)
     return sys.stdout.isatty() and windows
 

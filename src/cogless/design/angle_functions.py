@@ -28,14 +28,14 @@ from cogless.study.motor import StarMotor
 from cogless.units import TURN
 
 PERIOD_POINTS = 256  # grid points per period of the highest order
-MOST_POINTS = 2**20
+MOST_POINTS = 2**20  # grid points per revolution
 
 Rises = list[float]  # bounds of |f|, |f'|, |f''| and |f'''| of a function f
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """Bounds of assumption A.3 in mechanical quantities, with those that its printed list lacks."""
+    """Bounds of assumption A.3 in mechanical quantities, and those that the paper's printed list lacks."""
 
     h_m: float  # A*s^2/rad, the least of h
     h_M: float  # A*s^2/rad, the largest
@@ -66,7 +66,10 @@ class Series:
     table: AngleTable | None = None
 
     def values_at(self, theta: Real, derivative: int = 0, above: bool = True) -> Real:
-        """The value or a derivative at theta; at a table's point the slope above or below that point."""
+        """The value or a derivative at theta.
+
+        At a point of the angle table the slope is the one above that point, or below it without `above`.
+        """
         sum_ = np.full(theta.shape, self.constant if derivative == 0 else 0.0)
         for n, c in zip(self.orders, self.c, strict=True):
             sum_ += np.real(c * (1j * n) ** derivative * np.exp(1j * n * theta))
@@ -128,7 +131,7 @@ class AngleFunctions:
         return np.asarray(self.D / self.K.values_at(theta))
 
     def waves(self, omega_m: float) -> Real:
-        """Amplitude of each whole order of that current, from order 0, which has twice its mean, A."""
+        """Amplitudes, A, of orders 0, 1, .. of `current` at omega_m, rad/s. Order 0 has twice the mean."""
         points = 4 * max([*self.orders, 16])
         current = self.current(np.arange(points) / points * TURN, omega_m)
         return np.asarray(2 * np.abs(np.fft.rfft(current)) / points, dtype=float)

@@ -30,7 +30,7 @@ from cogless.study.position_sensor import Hall
 from cogless.study.reading import Changes
 from cogless.units import ANGULAR_SPEED
 
-# What a verdict that is no yes says, after "because".
+# The clause after "because" in an answer "no", by the kind of the verdict on learning.
 CLAUSES: dict[Kind, str] = {
     "unstable": "it is unstable",
     "feedback unstable": "its feedback is unstable",
@@ -46,12 +46,12 @@ class Answer:
     """Whether a controller's learning settles and is worth it."""
 
     verdict: AnswerVerdict  # "no" also where nothing is learned in a run
-    words: str  # the whole answer; begins with the verdict, but where nothing is learned
-    settling: Sequence[Settling] = ()  # where it settles, at constant speeds
+    words: str  # the whole answer; it begins with the verdict, unless nothing is learned
+    settling: Sequence[Settling] = ()  # times in which learning settles, at constant speeds
     left_out: Sequence[str] = ()  # what the drive has and the model of `settling` lacks
-    remaining: Sequence[Remaining] = ()  # of `harmonic` on a sensor of counts, at constant speeds
-    cures: Sequence[Changes] = ()  # each of them makes it a yes
-    doubt: str = ""  # why it is not sure, as a clause
+    remaining: Sequence[Remaining] = ()  # ripple with `harmonic` and a sensor of counts
+    cures: Sequence[Changes] = ()  # each of them makes the verdict "yes"
+    doubt: str = ""  # why the verdict is not sure, as a clause
 
     @property
     def reason(self) -> str:
@@ -122,7 +122,7 @@ def _answer_dict(answer: Answer | None) -> dict[str, Any] | None:
 
 
 def answer(study: Study, name: str, design: Design) -> Answer | None:
-    """The answer for a controller, with what repairs its learning; None if it has none."""
+    """The answer for a controller, with what repairs its learning; None if no part of its law is learned."""
     law, verdict = study.controller[name], design.learning
     if not law.learned:
         return None
@@ -149,7 +149,7 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
 
 
 def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
-    """The answer for `harmonic`, of which the certificate speaks."""
+    """The answer for a controller with the law `harmonic`, from its certificate."""
     speeds = certificate.speeds
     if not speeds or all(speed.snaps is not None for speed in speeds):
         return Answer("not judged", certificate.in_words())
@@ -194,13 +194,13 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
 
 
 def _limited_voltage(study: Study, name: str) -> str:
-    """Why nothing may be learned for noise that takes the voltage to its limit, as a clause; "" if it may."""
+    """How noise takes the voltage to its limit, so that little is learned, as a clause; "" if it doesn't."""
     limited = ((scenario, noisy_voltage(study, scenario)) for scenario in study.scenarios_of(name))
     return next((f"in {scenario} {remark}" for scenario, remark in limited if remark is not None), "")
 
 
 def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
-    """Why the back-EMF takes the rotor out of what the certificate covers, as a clause; "" if it does not."""
+    """How the back-EMF changes the response beyond the certificate, as a clause; "" if it doesn't."""
     for speed in certificate.speeds:
         orders = certificate.learned_orders(speed)
         factors = response_factors(study, orders * speed.omega_m)
@@ -216,7 +216,10 @@ def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
 
 
 def _quieter_rates(study: Study, name: str, speeds: Sequence[Remaining]) -> tuple[Changes, ...]:
-    """The nearest rate of the law at which the sensor's steps leave learning alone, if they do not now."""
+    """The change to the nearest rate of the law at which the sensor's steps don't disturb learning.
+
+    Empty: the steps don't disturb learning now, or no rate that is tried helps.
+    """
     if all(speed.modelled or not speed.worth_it or speed.few_counts for speed in speeds):
         return ()
 
@@ -244,7 +247,7 @@ def _learned_in_vain(study: Study, name: str) -> str:
 
 
 def _encoders(study: Study, name: str) -> tuple[Changes, ...]:
-    """The coarsest encoder of the catalogue, in place of Hall sensors, with which learning is worth it."""
+    """The change from Hall sensors to the coarsest encoder of the catalogue that makes learning worth it."""
     if not isinstance(study.drive.position_sensor, Hall):
         return ()
 
@@ -259,7 +262,7 @@ def _encoders(study: Study, name: str) -> tuple[Changes, ...]:
 
 
 def _not_worth_it(study: Study, speeds: Sequence[Remaining]) -> str:
-    """The answer where learning leaves as much as its feedback alone at some speed; "" if it does not."""
+    """The answer where learning takes away too little of the ripple at some speed; "" if it does not."""
     little = next((speed for speed in speeds if not speed.worth_it), None)
     if little is None:
         return ""
@@ -307,7 +310,7 @@ def _too_coarse(study: Study, coarse: Remaining) -> str:
 
 
 def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str:
-    """In which time it settles, at the slowest and the fastest constant speed; "" if that is unknown."""
+    """The times in which learning settles at the slowest and fastest constant speed; "" if unknown."""
     if not times:
         return ""
     words = [f"{_rounded_time(at_speed.time)} at {speed_text(study, at_speed.omega_m)}" for at_speed in times]
@@ -327,7 +330,7 @@ def _rounded_time(time: float) -> str:
 
 
 def _reach(study: Study, fastest: float | None) -> str:
-    """Up to which speed it learns, in three digits; "" if the bus voltage does not turn the motor so fast."""
+    """Words: the speed, in three digits, up to which the law learns; "" if the bus voltage allows less."""
     if fastest is None or fastest > voltage_reach(study):
         return ""
     unit = spoken_unit(study, ANGULAR_SPEED)

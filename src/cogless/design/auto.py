@@ -1,10 +1,10 @@
 """The rule auto: every number of a learning law, from the design's own measures of stability.
 
 The feedback is the PI, or the position feedback, of the rule phase-margin, by default at 45 degrees.
-Learning must settle at the slowest and at the fastest speed of the law's scenarios, as told and in every
-corner. Where a reference stops, a law that learns in angle rests below half of its top speed. A corner is an
-inertia that is off by 50 % (K_t / J is then 1 / 1.5 or 2 times what the study tells), or one sample of delay
-that the study doesn't tell. With X of learning_loop.py, per unit of the learning gain:
+Learning must settle at the slowest and at the fastest speed of the law's scenarios, with the study's values
+and in every corner. Where a reference stops, a law that learns in angle rests below half of the top speed. A
+corner is an inertia that is off by 50 % (K_t / J is then 1 / 1.5 or 2 times the study's), or one more sample
+of delay than the study has. With X of learning_loop.py, per unit of the learning gain:
 
     period      the electrical one where all orders that are known are its multiples, else the mechanical one
     map         ten cells or more in a wave of the highest order that is known of motor and load
@@ -43,17 +43,17 @@ from cogless.study.base import StudyBase
 from cogless.study.messages import dotted
 from cogless.study.reading import AStudy, Changes
 
-# As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
-# doesn't tell.
+# The study's own values, and each corner: true K_t / J over that of the study, and samples of delay that the
+# study doesn't have.
 AS_TOLD = (1.0, 0)
 CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
 WAVE_CELLS = 10  # cells in a wave of the highest order
-AUTO_CELLS_LEAST, AUTO_CELLS_MOST = 256, 8192
+AUTO_CELLS_LEAST, AUTO_CELLS_MOST = 256, 8192  # cells of a map
 GAIN_HALVINGS = 10  # a gain is halved no more often than this
 LEARNING_TURNS = 10  # turns of the rotor after which the ripple that is left counts
 LOOP_FREQUENCIES = 1000  # frequencies at which a corner's |X| is computed
 IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
-GAIN_MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
+GAIN_MARGIN = 2.0  # margin of the gain on single orders, and of a gain in 1 / |omega| where a reference stops
 
 
 def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
@@ -62,7 +62,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 
 
 def filled(study: AStudy) -> AStudy:
-    """The study with the numbers that the rule auto gives; keys that it gives itself stay."""
+    """The study with the numbers that the rule auto gives; keys that the study has itself stay."""
     changes: Values = {}
     for name in missing(study):
         # only laws of speed have a tuning rule
@@ -88,7 +88,7 @@ def unfilled(study: Study, name: str) -> Study:
 
 
 def missing(study: StudyBase) -> list[str]:
-    """Names of the controllers whose numbers the rule auto has still to give."""
+    """Names of the controllers to which the rule auto must still give numbers."""
     tables = study.source.tables["controller"]
     return [
         name
@@ -98,18 +98,19 @@ def missing(study: StudyBase) -> list[str]:
 
 
 def automatic(study: Study, name: str) -> Values:
-    """The numbers of a controller's keys, SI, by the rule auto. StudyError: there are none that settle."""
+    """The numbers of a controller's keys, SI, by the rule auto. StudyError: learning settles with none."""
     return rules_of(study, name).auto()
 
 
 def gain_and_filter(
     study: Study, name: str, kind: type[LearningLoop], gain: float, keys: Callable[[float], Values]
 ) -> Values:
-    """A gain, halved until a Q filter lets learning settle, and on while half of it leaves less ripple.
+    """The law's numbers with a gain and a Q filter with which learning settles.
 
-    Each gain has the narrowest such filter, or a wider one while that leaves less. The ripple is the one that
-    the design foresees after `LEARNING_TURNS` turns: what is not learned yet or is filtered away, and the
-    noise of a sensor's counts. Numbers set by hand count, unless nothing settles with them.
+    The gain is halved until a filter lets learning settle, and on while half of it leaves less ripple. Each
+    gain has the narrowest such filter, or a wider one if that leaves less. The ripple is the one that the
+    design foresees after `LEARNING_TURNS` turns: what is not learned yet or is filtered away, and the noise
+    of a sensor's counts. Numbers set by hand count, unless nothing settles with them.
     """
     by_hand = numbers_by_hand(study, name)
     for fixed in [by_hand, {}] if by_hand else [{}]:
@@ -185,7 +186,7 @@ def loops_in_corners(kind: type[LearningLoop], study: Study, name: str) -> Itera
     )
     if (
         kind.RISES_AT_REST and least is not None and 0.0 in speeds
-    ):  # it stops or reverses, and learns above this
+    ):  # the reference stops or reverses, and the law learns above `least`
         speeds |= {min(least, max(speeds))}
     speeds -= {0.0}
     if not speeds:
@@ -204,13 +205,13 @@ def scenarios_tuned_for(study: Study, name: str) -> list[str]:
 
 
 def with_numbers(study: Study, name: str, values: Values) -> Study:
-    """The study with a controller that has other numbers."""
+    """The study in which one controller has these numbers."""
     law = study.controller[name].model_copy(update=values)
     return study.model_copy(update={"controller": {**study.controller, name: law}})
 
 
 def numbers_by_hand(study: Study, name: str) -> Values:
-    """The numbers that the rule would give, but the study has itself, SI."""
+    """The study's own numbers, SI, for keys whose numbers the rule would give otherwise."""
     law, own_keys = study.controller[name], study.source.tables["controller"][name]
     return {key: getattr(law, key) for key in law.AUTOMATIC if key in own_keys}
 

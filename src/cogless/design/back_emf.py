@@ -43,7 +43,7 @@ from cogless.study.reading import Changes, Remark
 def margins_with_back_emf(study: Study, feedback: Linear) -> Margins:
     """Margins of a feedback around the study's motor; without back-EMF where that is not modelled.
 
-    It is not behind an ideal current loop, nor with a soft shaft.
+    The back-EMF is not modelled behind an ideal current loop, nor with a soft shaft.
     """
     loop, current = speed_loop(study), _current_loop(study)
     if current is None or not current.margins().stable:
@@ -80,19 +80,19 @@ def _back_emf(study: Study, current: CurrentLoop, w: Real) -> Complex:
 
 
 def _measured(study: Study, w: Real) -> Complex:
-    """Response from the true to the measured speed at w in rad/s; the age of the angle cancels out of it."""
+    """Response from the true to the measured speed at w in rad/s; the angle's age cancels out."""
     loop = speed_loop(study)
     speed, theta = loop.plant(w)
-    # The decoupling runs in each current-loop period, with a speed that may be held for all of the law's.
+    # The decoupling runs in each current-loop period; its speed may be held for the law's whole period.
     waiting = (loop.steps - 1) / 2 * loop.current.period if loop.is_held else 0.0
     return np.asarray(speed / (1j * w * theta) * np.exp(-1j * w * waiting))
 
 
 def ripple_factors(study: Study, feedback: Linear, w: Real, loop: SpeedLoop | None = None) -> Real:
-    """How many times the ripple of a torque is as large with the back-EMF as without, at w in rad/s.
+    """The ripple that a torque makes with the back-EMF, divided by that without, at w in rad/s.
 
-    A torque makes a speed of P_t / (1 + L) without it, and of P_t / (1 + L + E) with it. `loop`: the study's
-    by default.
+    A torque makes a speed of P_t / (1 + L) without the back-EMF, and of P_t / (1 + L + E) with the back-EMF.
+    `loop`: the study's by default.
     """
     current = _current_loop(study)
     if current is None:
@@ -102,7 +102,7 @@ def ripple_factors(study: Study, feedback: Linear, w: Real, loop: SpeedLoop | No
 
 
 def response_factors(study: Study, w: Real) -> Real:
-    """How many times as much the rotor answers a current with the back-EMF as without, at w in rad/s."""
+    """The rotor's response to a current with the back-EMF, divided by that without, at w in rad/s."""
     current = _current_loop(study)
     return (
         np.ones(np.shape(w)) if current is None else np.asarray(1 / np.abs(1 + _back_emf(study, current, w)))
@@ -110,12 +110,12 @@ def response_factors(study: Study, w: Real) -> Real:
 
 
 def is_covered(factors: Real) -> NDArray[np.bool_]:
-    """Whether each of these factors of a response is one that the designs are made for, BELIEF_FACTORS."""
+    """Whether each factor of a response is in the range that the designs are made for, BELIEF_FACTORS."""
     return np.asarray((factors >= min(BELIEF_FACTORS)) & (factors <= max(BELIEF_FACTORS)))
 
 
 def is_unstable_with_back_emf(study: Study, name: str) -> bool:
-    """Whether the back-EMF makes a controller's loop unstable that is stable without it."""
+    """Whether a controller's loop is stable without the back-EMF, and unstable with it."""
     plain, with_emf = study.once(_margins, name)
     return plain >= 0 > with_emf
 
@@ -148,7 +148,7 @@ def _margins(study: Study, name: str) -> tuple[float, float]:
 
 
 def _ways(study: Study) -> Iterator[list[Changes]]:
-    """Changes that leave less of the back-EMF, each kind from the least on."""
+    """Lists of changes that make the back-EMF disturb less; each list begins with the smallest change."""
     if study.drive.current_loop.decoupling:
         yield [{"drive.current_loop.decoupling": False}]
     yield from faster_loop(study)

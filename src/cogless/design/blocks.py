@@ -1,4 +1,4 @@
-"""What `cogless design` prints: a block a controller, its answer first."""
+"""What `cogless design` prints: a block for each controller, with its answer first."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cogless.design.margins import Margins
 
 @dataclass(frozen=True)
 class Block:
-    """A heading, and rows of a word and what is said of it."""
+    """A heading, and rows: a word, and the text that belongs to this word."""
 
     heading: str
     rows: Sequence[tuple[str, str]]

@@ -18,7 +18,7 @@ from cogless.study.toml import toml
 SENSOR = "drive.position_sensor"
 SENSOR_BITS = f"{SENSOR}.bits"
 GAINS = ("k_theta", "kp", "ki")
-SPEED_RESERVE = 1.2  # speed that is advised, or with which a change must work / the speed that just would do
+SPEED_RESERVE = 1.2  # speed that is advised, or at which a change must work / the least speed that would do
 ADVISED_FORMAT = ".3g"  # digits of a value that is advised
 
 
@@ -69,7 +69,7 @@ def _value_words(key: str, value: Any) -> str:
 
 
 def _part_words(key: str, value: Any) -> str:
-    """That a value needs another position sensor, and which ones have it; "" for a setting."""
+    """The note that a value needs another position sensor, and which sensors have it; "" for a setting."""
     if key == SENSOR_BITS:
         return f" (another sensor: {sensor_words(value)})"
     is_other = key == SENSOR and "speed_method" not in value  # a setting keeps the sensor's other keys

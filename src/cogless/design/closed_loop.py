@@ -9,8 +9,8 @@ past speeds and angles. The feedback is
     i_ref = -(C + sum R) omega_t - k_v ratio theta,    omega_t = ratio (omega + k_theta theta)
     C = k + k_i T z / (z - 1) + k_r T / (z - 1) (1 + c T z / (z - 1))
 
-margins.py tells how far a stable loop is from instability. This module tells at which frequency an unstable
-loop oscillates.
+margins.py computes how far a stable loop is from instability. This module computes at which frequency an
+unstable loop oscillates.
 
 Position feedback of the laws that learn in angle, and its tuning for a phase margin, for fair comparison.
 
@@ -53,7 +53,7 @@ from cogless.study.laws.law import Tuning
 from cogless.units import TURN
 
 CIRCLE_MAGNITUDE = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
-POLE_ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
+POLE_ROUNDING = 1e-6  # rounding error of the integrators' poles at z = 1, which are double without feedback
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class Resonator:
     lead: float  # s
 
     def response(self, w: Real, T: float) -> Complex:
-        """R at w in rad/s with sample period T: an integrator that turns with the order, very large at it."""
+        """R at w in rad/s with sample period T; R is very large at the order's own frequency."""
         forth, back = (
             1 / (1 - CIRCLE_MAGNITUDE * np.exp(1j * (signed_w - w) * T)) for signed_w in (self.w, -self.w)
         )
@@ -123,9 +123,9 @@ def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
 
 
 def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = ()) -> Complex:
-    """Closed-loop poles in z at the law's sample rate, with those of integrators outside any feedback."""
+    """Closed-loop poles in z at the law's sample rate, including integrators outside any feedback."""
     whole, states, (speed, angle) = loop.step_of(loop.steps), loop.states, loop.sensed
-    samples = -(-loop.window // loop.steps)  # over which the sensor looks back
+    samples = -(-loop.window // loop.steps)  # samples of the law over which the sensor measures the speed
     first = states + 1 + (3 if loop.bandwidth else samples)
     filtered = first + 2 * len(resonators)
     delayed, late = filtered + 2 * bool(loop.low_pass), loop.delay / loop.period
@@ -154,7 +154,7 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
         omega = step[filtered].copy()
 
     def past(signal: Real, line: int) -> Real:
-        """The signal `loop.delay` ago, kept at `line`; straight between two samples."""
+        """The signal `loop.delay` ago, from the samples kept at `line`; linear between two samples."""
         if not line_length:
             return signal
         samples = [signal, *(unit(line + n) for n in range(line_length))]
@@ -236,7 +236,7 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     integral = loop.period * z / (z - 1)
 
     def stiffness(place: float) -> tuple[float, int]:
-        """The largest stiffness with both zeros at `place`, and its crossover's grid index; 0 if none."""
+        """The largest stiffness with both zeros at `place`, and its crossover's grid index; 0: none."""
         L = (1 + place * (integral - half)) * (speed + place * angle)  # K = 1
         enough = np.append(np.unwrap(np.angle(-L)) >= tuning.phase_margin, False)
         begin = int(np.argmax(enough))

@@ -5,10 +5,10 @@ load, friction and acceleration. The part of i that varies with the angle cancel
 below the mean, the rotor doesn't follow. If it is below the peak, ripple remains.
 
 A rotor at rest needs the current of its breakaway friction and its cogging before it turns. A slow feedback
-takes its time to ask for it.
+asks for that current only after some time.
 
-The current controller also asks for a voltage where there is only noise: kp times that of the measured
-current. Where this reaches the limit of the voltage, no law learns.
+The current controller also turns noise of the measured current into a voltage, kp times the noise. Where this
+voltage reaches its limit, no law learns.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from cogless.study.motor import StarMotor
 from cogless.study.numerics import largest_voltage
 from cogless.study.reading import Changes, Remark
 
-D_POINTS = 20_001  # i_d for which the largest torque is computed
+D_POINTS = 20_001  # values of i_d among which the largest torque is searched
 WAVE_POINTS = 8  # angles in a wave of the highest order
 LIMIT = "drive.current_loop.current_limit"
 MEASURED_CURRENTS = {
@@ -39,7 +39,7 @@ MEASURED_CURRENTS = {
     "current_sum": "the sum of the phases with the sensors' errors",
 }
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
-LIMITED_SHARE_MOST = 0.1  # largest share of the law's periods that is not warned of
+LIMITED_SHARE_MOST = 0.1  # share of the law's periods at the voltage limit; a larger one is warned of
 NOISE_DEVIATIONS, NOISE_POINTS = 5, 100  # standard deviations of a normal distribution, and points for them
 
 
@@ -70,7 +70,7 @@ def needed(study: Study, scenario: str) -> Needed:
 
 
 def available(study_here: Study, omega: float) -> float:
-    """The largest output of a law, A, at a speed (rad/s): the equivalent q-axis current of most torque.
+    """The largest output of a law, A, at a speed (rad/s): the equivalent q-axis current of largest torque.
 
     With field weakening, current and voltage bound it; without, the current alone.
     """
@@ -111,7 +111,7 @@ def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) ->
     """Time, s, after which a feedback asks a resting rotor for the current that starts it, at a reference of
     `omega`, rad/s; infinite if it never does.
 
-    Its output is ratio omega (k + (k k_theta + k_i + k_r) t + k_i k_theta t^2 / 2).
+    The feedback's output is ratio omega (k + (k k_theta + k_i + k_r) t + k_i k_theta t^2 / 2).
     """
     own_study = for_scenario(study, scenario)
     star, size = own_study.motor.star(), feedback.ratio * abs(omega)
@@ -183,7 +183,7 @@ def noisy_currents(study: Study, scenario: str) -> Remark | None:
 
 
 def _wider_bounds(study: Study, scenario: str) -> Changes:
-    """Wider bounds of the monitor, by key, for those that errors of the current sensors reach."""
+    """The change to wider bounds of the monitor where errors of the current sensors exceed the bounds."""
     return {
         f"drive.monitor.{key}": unit_text(CURRENT_RESERVE * reach, "A")
         for key, reach in _trips(study, scenario).items()
@@ -191,9 +191,10 @@ def _wider_bounds(study: Study, scenario: str) -> Changes:
 
 
 def _trips(study: Study, scenario: str) -> dict[str, float]:
-    """What is measured at the current limit, A, by the key of each bound of the monitor that it exceeds.
+    """The largest measured value at the current limit, A, by the key of each monitor bound that it exceeds.
 
-    The vector has noise. The sum of three phases is that of noise, offsets and gain errors.
+    The measured vector is the limit plus noise. The measured sum of three phases is noise, offsets and gain
+    errors.
     """
     of = for_scenario(study, scenario)
     drive, sensors, phases = of.drive, of.drive.current_sensors, of.motor.star().phases
@@ -225,7 +226,7 @@ def noisy_voltage(study: Study, scenario: str) -> Remark | None:
 def limited_share(study: Study, scenario: str) -> float:
     """The share of the law's periods with a current period in which noise takes the voltage to its limit.
 
-    At the scenario's top speed. The noise of the voltage is normal in both axes.
+    The share is that at the scenario's top speed. The noise of the voltage is taken as normal in both axes.
     """
     of, top = for_scenario(study, scenario), study.scenario[scenario].top_reference
     drive, motor = of.drive, of.motor.star()

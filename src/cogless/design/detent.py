@@ -1,9 +1,9 @@
 """Whether a feedback turns the rotor evenly over a torque that depends on its angle, or lets it snap.
 
 A torque T sin(n theta) meets a rotor that turns at Omega. Small signals give it the speed ripple
-|P_t S| T / K_t of ripple.py. Over Omega, this is also by how many radians the phase n theta swings. Where the
-ripples of all orders add up to Omega, the rotor stops: from there on nothing that is linear about a constant
-speed holds, neither the ripple nor a margin of learning. It waits in front of a hill, slips, and snaps into
+|P_t S| T / K_t of ripple.py. Divided by Omega, it is also the swing of the phase n theta in rad. Where the
+ripples of all orders add up to Omega, the rotor stops: then no result holds that is linear about a constant
+speed, neither the ripple nor a margin of learning. The rotor waits in front of a hill, slips, and snaps into
 the next detent at up to the rate
 
     omega_s = sqrt(n T / J)
@@ -34,7 +34,7 @@ from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 
-ROTOR = "the rotor"  # of what `snaps` says last, after a colon
+ROTOR = "the rotor"  # begins the last part of the text of `snaps`, after a colon
 STOPPING_RIPPLE = 1.0  # ripple / speed, at which the rotor stops
 STALLING_RATIO = (
     0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
@@ -50,7 +50,7 @@ class Swing:
     """Ripple of the speed at a reference with the feedback alone, by the small-signal model."""
 
     size: float  # sum of the amplitudes of all orders / speed, the larger with or without the back-EMF
-    least: float  # the smaller
+    least: float  # sum of the amplitudes of all orders / speed, the smaller with or without the back-EMF
     rms: float  # rms of all orders / speed
     order: int  # mechanical order with the largest amplitude
     is_certain: bool  # whether the back-EMF changes the response at that order little enough for the model
@@ -106,9 +106,9 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
-    """The lowest speed above omega_m, rad/s, from which on the ripple stops no rotor; None if it always does.
+    """The lowest speed from omega_m, rad/s, up, from which on the ripple doesn't stop the rotor.
 
-    It is certain that the rotor turns there if the swing at this speed is.
+    None: the rotor stops at every speed. That it turns is certain if the swing at this speed `is_certain`.
     """
     speeds = abs(omega_m) * np.geomspace(
         1, SPEED_RANGE, 1 + round(math.log(SPEED_RANGE) / math.log(TRIED_SPEED_STEP))

@@ -12,7 +12,7 @@ from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Reso
 from cogless.study.reading import Changes
 
 TRIED_HALVINGS = 12  # each tried gain is half the one before
-CORNER_SHARES = (0.25, 0.5)  # of the crossover: where a PI's integral takes over, 14 and 27 deg of its phase
+CORNER_SHARES = (0.25, 0.5)  # corner of a PI's integral / crossover: 14 and 27 deg of phase lost
 
 
 def finer_sensor(study: Study, factor: float) -> Changes | None:
@@ -33,7 +33,7 @@ def finer_sensor(study: Study, factor: float) -> Changes | None:
 def other_law_rates(study: Study) -> list[Changes]:
     """Changes to the law's rate, from half to twice the present one, the nearest first.
 
-    A faster law only where its period is longer than the angle takes to arrive.
+    A faster rate is included only if its period is not shorter than the sensor's latency.
     """
     rates, sensor = study.drive.rates, study.drive.position_sensor
     latency = sensor.latency if isinstance(sensor, Counted) else 0.0
@@ -49,7 +49,7 @@ def other_law_rates(study: Study) -> list[Changes]:
 
 
 def timed_edges(study: Study) -> Changes | None:
-    """The change to a speed from the time between edges; None: the sensor has none, or they are timed."""
+    """The change to a speed that is timed between edges; None: the sensor can't have it, or has it."""
     sensor, key = study.drive.position_sensor, "drive.position_sensor"
     if not isinstance(sensor, Encoder) or sensor.timed or sensor.latency:
         return None
@@ -57,12 +57,14 @@ def timed_edges(study: Study) -> Changes | None:
     own = {part: value for part, value in table.items() if part not in ("window", "observer_bandwidth")}
     if len(own) == len(table):
         return {f"{key}.speed_method": "MT"}
-    return {key: {**own, "speed_method": "MT"}}  # only other methods may have these keys
+    return {key: {**own, "speed_method": "MT"}}  # the keys left out belong to other methods
 
 
 def younger_speeds(study: Study) -> list[Changes]:
-    """Speeds of Hall sensors as the mean over fewer edges, the most first; none where the sensors aren't
-    evenly placed, which such a speed would show."""
+    """Changes to a speed of Hall sensors that is the mean over fewer edges, the most edges first.
+
+    Empty if the sensors aren't evenly placed, since such a speed would show that.
+    """
     sensor = study.drive.position_sensor
     if not isinstance(sensor, Hall) or any(sensor.placement):
         return []
@@ -75,9 +77,9 @@ def slower_feedback(study: Study, name: str, factor: float) -> Changes | None:
 
 
 def slower_proportional(study: Study, name: str, factor: float, crossover: float) -> list[Changes]:
-    """A PI whose gain is divided by a factor and whose integral is as quick as the new crossover bears.
+    """Changes to a PI with its gain divided by a factor, and an integral as quick as the new crossover bears.
 
-    `crossover`: of the feedback as it is, rad/s. Empty: the law is none for the speed with a PI.
+    `crossover`: of the feedback as it is, rad/s. Empty: the law has no PI for the speed.
     """
     rules = rules_of(study, name)
     if rules.pi is None:

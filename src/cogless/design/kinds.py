@@ -1,7 +1,7 @@
 """What the design says of a study, by its kind: gains before runs, tables of `cogless design`, warnings.
 
 DESIGNS is the one place in this room that knows both kinds. Its functions take a study of their own kind.
-Those of trials import late, since SciPy takes longer to import than a speed study's design needs.
+The functions for trials import late, since SciPy takes longer to import than a speed study's design needs.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KindOfDesign:
-    """The functions for one kind of study. Where one says nothing of a kind, its default returns nothing."""
+    """The functions for one kind of study. The default of a function returns nothing for the kind."""
 
     prepared: Callable[[Any, Sequence[Pair]], Designs]  # designs that the runs of these pairs need
     to_dict: Callable[[Any], dict[str, Any]]  # the JSON of `cogless design`
     table: Callable[[Any], Group]  # the text of `cogless design --long`
     blocks: Callable[[Any], Blocks]  # the text of `cogless design`
-    # of a study, scenario and controller: the design's numbers, and its verdict in a line
+    # arguments: study, scenario, controller; returns the design's numbers, and its verdict in a line
     figures: Callable[[Any, str, str], tuple[dict[str, Any], str]]
     warnings: Callable[[Any, str, str], list[Remark]]  # arguments: study, scenario, controller
     before_runs: Callable[[Any, Sequence[Pair]], Iterable[object]] = lambda study, pairs: ()  # warnings

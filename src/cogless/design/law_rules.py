@@ -1,9 +1,9 @@
 """What a law's keys mean in a study: its feedback, its gains by rule, its learning, what to warn of.
 
 The rules of a law are a class, `PiIlcRules` for the model `PiIlc`, in the file of `design/laws` that is named
-after the model's file. They are there because the class is there; a law without such a class has the rules of
-the model that it is derived from. Rules are asked for by `rules_of`, and nobody else names a file of
-`design/laws` to learn which law he has before him.
+after the model's file. `rules_of` finds the class by this name; a law without such a class has the rules of
+the model that it is derived from. No other code names a file of `design/laws` to find out which law a
+controller has.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Gain:
 
 @dataclass(frozen=True)
 class LawRules(Generic[L]):
-    """The rules of a controller's law in a study. Each answer here is that of a law with a feedback alone."""
+    """The rules of a controller's law in a study. These are the answers of a law that is only feedback."""
 
     study: Study
     name: str  # the controller's
@@ -64,7 +64,7 @@ class LawRules(Generic[L]):
         return law.c_config(loop)
 
     def feedback(self, omega_m: float) -> Linear | None:
-        """The linear feedback before it learns, at a mechanical speed in rad/s; None if there is no model."""
+        """The law's linear feedback before it learns, at a mechanical speed in rad/s; None: no model."""
         linear = self.law.linear
         return None if linear is None else Linear(ratio=1, k=linear[0], k_i=linear[1])
 
@@ -92,7 +92,7 @@ class LawRules(Generic[L]):
 
     @property
     def pi(self) -> tuple[float, float] | None:
-        """kp [A*s/rad] and ki [A/rad] of a PI that is for the speed alone; None if it has none."""
+        """kp [A*s/rad] and ki [A/rad] of the law's PI if that controls only the speed; None: no such PI."""
         return None
 
     def slower(self, factor: float) -> Changes | None:
@@ -100,29 +100,29 @@ class LawRules(Generic[L]):
         return None
 
     def auto(self) -> Values:
-        """The numbers of its keys by the rule auto. StudyError: there are none that settle."""
+        """The numbers of the law's keys by the rule auto. StudyError: learning settles with none."""
         return {}
 
     def refused(self) -> str | None:
-        """Why its rule gives no numbers for the study, as the rule's error tells; None if it does."""
+        """The rule's error message if the rule gives no numbers for the study; None if it gives some."""
         return None
 
     @property
     def memory(self) -> Memory | None:
-        """Its memory over a period of the angle; None: it has none, or learns nothing."""
+        """The law's memory over a period of the angle; None: the law has none, or learns nothing."""
         return None
 
     @property
     def loop(self) -> type[Any] | None:
-        """The class of learning_loop.LearningLoop that models its learning; None: it doesn't learn."""
+        """The class of learning_loop.LearningLoop that models the law's learning; None: no learning."""
         return None
 
     def fastest(self) -> float | None:
-        """The highest mechanical speed at which it learns, rad/s; None if it doesn't learn over a period."""
+        """The highest mechanical speed, rad/s, at which the law learns; None: no learning over a period."""
         return None
 
     def never(self, scenario: str) -> str | None:
-        """The reason why it learns nothing even at the scenario's top speed; None if it learns."""
+        """The reason why the law learns nothing even at the scenario's top speed; None if it learns."""
         top = self.study.scenario[scenario].top_speed
         if self.loop is None or not top:
             return None
@@ -134,15 +134,15 @@ class LawRules(Generic[L]):
         return None
 
     def theorem(self) -> Any:
-        """The conditions of its proof, a space_bounds.Theorem; None if it has none."""
+        """The conditions of the law's proof, a space_bounds.Theorem; None if the law has no proof."""
         return None
 
     def certificate(self) -> Any:
-        """What its rule says of learning, a laws.harmonic.Certificate; None if it says nothing."""
+        """What the law's rule certifies of learning, a laws.harmonic.Certificate; None: nothing."""
         return None
 
     def shortfall(self) -> Remark | None:
-        """Warning of cogging that it can't learn; None if it learns all, or learns nothing."""
+        """Warning of cogging that the law can't learn; None if the law learns all of it, or nothing."""
         return None
 
     def notes(self) -> Iterator[Remark]:
@@ -150,7 +150,7 @@ class LawRules(Generic[L]):
         yield from ()
 
     def by_hand(self, own: Values) -> Changes:
-        """The change to gains by hand. It removes any rule but auto, which may stand beside such gains."""
+        """The change to gains by hand. It removes the tuning rule, except auto, which allows such gains."""
         key, law = dotted(("controller", self.name)), self.law
         if law.rule is None or law.is_auto:
             return {f"{key}.{gain}": value for gain, value in own.items()}

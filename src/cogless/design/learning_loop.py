@@ -16,9 +16,9 @@ frequencies, with weights that add up to one:
     factor |Q sum_m sinc^2(f / f_c + m) kept(f + m f_c)|
 
 Linear interpolation between samples attenuates further. The factor leaves this out, so it is an upper bound.
-`lines` gives the interpolation's gain, as a mean over the positions between two samples.
+`interpolation_gain` is the interpolation's gain, as a mean over the positions between two samples.
 
-The highest speed at which a law learns: above it the memory is frozen, and what is learned acts on.
+Above the highest speed at which a law learns, the memory is frozen, and what was learned goes on acting.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from cogless.study.laws.law import Memory
 from cogless.units import TURN
 
 FACTOR_MOST = 1.0 + 1e-3  # largest factor per period that counts as settling
-LOOP_CURVE_POINTS = 3000
+LOOP_CURVE_POINTS = 3000  # frequencies at which the factor per period is computed
 PLANT_POINTS = 8000  # frequencies at which a plant's response is stored
 FREQUENCY_LEAST = 1e-4  # Hz
 IMAGES_MOST = 50  # largest m; the weights of further images add up to less than a percent
@@ -67,7 +67,7 @@ class LearningLoop(ABC):
     alpha_m: float = 0.0  # rad/s^2
     torque: float = 1.0  # torque constant at an angle / its mean: differs from 1 if K_t ripples
     scenario: str | None = None  # whose true plant is used; None: the plant that the controller assumes
-    late: float = 0.0  # s, delay that the study doesn't tell
+    late: float = 0.0  # s, delay that the study doesn't have
 
     # whether the learned signal passes a Q filter, whose width may be chosen
     FILTERED: ClassVar[bool] = True

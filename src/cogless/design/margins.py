@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cogless.study.motion import Real as Real
 
 Complex = NDArray[np.complex128]
-FREQUENCY_POINTS = 4001
+FREQUENCY_POINTS = 4001  # frequencies at which L is computed
 
 
 @dataclass(frozen=True)

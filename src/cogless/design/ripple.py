@@ -11,7 +11,7 @@ and kept are those of learning_loop.py. Two disturbances make ripple of the true
         with a lead      |P_t S|^2 (|C|^2 + |V|^2 Q^2 R) n^2,          V = Gamma S
         R = (1 - rho^2N) / (1 - rho^2)
 
-C and S without learning are those before it takes over from the integral, if the law hands that over.
+Without learning, C and S are those before learning takes over from the integral, if the law hands that over.
 
 R is the accumulation of noise in the memory: each period adds noise to what was learned, and if learning
 hardly decays, it stays there. An angle in counts of q has an error of variance q^2 / 12. A speed that is the
@@ -49,16 +49,16 @@ class Sampled:
     count: float  # rad
     window: float  # s
     timed: bool  # the speed is the time between edges
-    intervals: int = 0  # between edges of Hall sensors, over which the speed is the mean; 0: no such sensors
+    intervals: int = 0  # Hall sensors: intervals over which the speed is the mean; 0: other sensors
 
     @property
     def hall(self) -> bool:
-        """Whether it is Hall sensors."""
+        """Whether the position sensor is Hall sensors."""
         return self.intervals > 0
 
     @property
     def edge(self) -> float:
-        """Angle from edge to edge, rad; less than `count` if a speed over several of them is as late."""
+        """Angle from edge to edge, rad. `count` is larger if the speed is the mean over several edges."""
         return 2 * self.count / (self.intervals + 1) if self.hall else self.count
 
     def counts(self, omega_m: float) -> float:
@@ -80,7 +80,7 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
             window = counting_window(sensor.bandwidth, 1 / drive.rates.current_loop)
         return Sampled(sensor.step, window, sensor.timed)
     if isinstance(sensor, Hall):
-        # the mean over n intervals, half an interval old: as late as one edge of (n + 1) / 2 of them
+        # A mean over n intervals is as late as the speed over one interval that is (n + 1) / 2 times as long.
         step = sensor.step(study.motor.pole_pairs) * (sensor.edges + 1) / 2
         return Sampled(step, 1 / drive.rates.outer_loop, True, sensor.edges)
     return None
@@ -155,7 +155,7 @@ def sensor_waves(study: Study, current: float) -> dict[int, float]:
 
 
 def _axes(study: Study) -> tuple[Real, Real]:
-    """The phases' axes in alpha and beta, 2 x phases, and alpha and beta of what the current sensors see."""
+    """The phases' axes in alpha and beta, and the matrix from sensed phases to both; 2 x phases each."""
     phases = study.motor.star().phases
     angles = TURN * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
     axes, measured = np.array([np.cos(angles), np.sin(angles)]), np.eye(phases)

@@ -12,9 +12,9 @@ If this ripple and that of the feedback together are more than the guard allows,
 rate falls later, and so does this ripple.
 
 The noise is white while a count or more comes in each sample of the law. With fewer, several samples show the
-same angle, and its error swings with the counts. No model of learning here has that. Where the counts come
-nearly as often as the samples, or a whole number of times as often, the noise is denser among the orders than
-white noise would be (`steps_density`).
+same angle, and its error swings with the counts. No model of learning here covers that case. Where the
+counts come nearly as often as the samples, or a whole number of times as often, the noise is denser among the
+orders than white noise would be (`steps_density`).
 
 The noise of the current sensors is no order either. It makes ripple with learning and without.
 
@@ -55,9 +55,9 @@ ERROR_ANGLES = 8  # angles in a wave of the highest order, at which a sensor's e
 ERROR_TABLE_ORDERS = 32  # orders of a sensor's error table that are taken
 SAWTOOTH_WAVES = 32  # waves of a step's error that `steps_density` has; the others hold 2 % of its power
 DECAY_DEVIATIONS = 3.5  # standard deviations from which on a normal curve is taken for 0
-DENSITY_WIDTH_LEAST = 1e-4  # per sample
-SPREAD_ROUNDS = 4  # until the ripple of learning and its spread agree to some percent
-WHITE_DENSITY_MOST = 2.0  # density from which on it is said where the steps' noise comes from
+DENSITY_WIDTH_LEAST = 1e-4  # per sample, least width of a band over which the density is a mean
+SPREAD_ROUNDS = 4  # rounds until the ripple of learning and its spread agree to some percent
+WHITE_DENSITY_MOST = 2.0  # density above which the design says where the steps' noise comes from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +66,13 @@ class Remaining:
 
     omega_m: float  # rad/s
     alone: float  # the least that the feedbacks of the scenario's controllers leave
-    steps: float  # its part that the sensor's steps make
-    error: float  # its part that the sensor's error makes
-    unlearned: float  # its part that orders make which are not learned
-    noise: float  # its part that noise of the current sensors makes
-    counts: float  # that come in a sample of the law; infinite where the edges are timed
+    steps: float  # part of the learned ripple that the sensor's steps make
+    error: float  # part of the learned ripple that the sensor's error makes
+    unlearned: float  # part of the learned ripple by orders that are not learned
+    noise: float  # part of the learned ripple by noise of the current sensors
+    counts: float  # counts in a sample of the law; infinite where the edges are timed
     law_rate: float  # samples of the law a second
-    steps_density: float  # of the steps' noise among the learned orders, over that of white noise
+    steps_density: float  # density of the steps' noise at the learned orders / that of white noise
     steps_learning: float  # ripple that the steps make while the orders learn at their first rate
 
     @property
@@ -92,13 +92,13 @@ class Remaining:
 
     @property
     def modelled(self) -> bool:
-        """Whether the sensor's steps leave learning as the model has it."""
+        """Whether the model of learning still holds with the sensor's steps."""
         learning = math.hypot(self.alone, self.steps_learning)
         return not self.few_counts and learning <= HARMFUL_RATIO * self.alone
 
     @property
     def beat(self) -> float | None:
-        """Frequency, Hz, as which the counts look to the law, if that makes their noise dense; else None."""
+        """Frequency, Hz, of the beat between counts and samples, if it makes the noise dense; else None."""
         if self.steps_density <= WHITE_DENSITY_MOST:
             return None
         return self.law_rate * abs(self.counts - round(self.counts))
@@ -129,7 +129,7 @@ class _Alone:
 
     @property
     def ripple(self) -> float:
-        """The rms of all."""
+        """The rms of all parts together."""
         return math.hypot(_rms(self.orders), self.steps, self.error, self.noise)
 
 
@@ -179,7 +179,7 @@ def _learned_steps(
     speed: Certified,
     ripple: float,
 ) -> tuple[float, float]:
-    """Ripple that the sensor's steps make while the orders learn, rad/s rms, and the density of their noise.
+    """Ripple that the sensor's steps make while the orders learn, rad/s rms, and the noise's `steps_density`.
 
     `ripple`: of the feedback alone, rad/s rms.
     """
@@ -204,10 +204,10 @@ def _learned_steps(
 def steps_density(counts: float, spread: float, f: Real, width: float) -> Real:
     """Density of the noise of an angle's steps at frequencies, over that of white noise.
 
-    `counts`: steps that come in a sample; `spread`: the rms of this number, by ripple of the speed. `f`, and
-    the `width` over which the density is a mean: per sample. The error of the angle is a sawtooth. Its wave k
-    has 6 / (pi k)^2 of the power and turns k counts times in a sample. Ripple spreads it over a band, by
-    Woodward's theorem in the shape of the speed's distribution, which is taken for normal.
+    `counts`: steps in a sample; `spread`: rms by which ripple of the speed changes this number. `f`:
+    frequencies, and `width`: band over which each density is a mean; both per sample. The error of the angle
+    is a sawtooth. Its wave k has 6 / (pi k)^2 of the power and turns k counts times in a sample. Ripple
+    spreads the wave over a band, by Woodward's theorem in the shape of the speed's distribution, here normal.
     """
     k = np.arange(1, SAWTOOTH_WAVES + 1)[:, None]
     lag = np.arange(1, math.ceil(DECAY_DEVIATIONS / (math.tau * width)) + 1)  # samples
@@ -227,7 +227,7 @@ def _alone(
     source: Sampled,
     sensor: Counted,
 ) -> _Alone:
-    """`waves`: orders of motor, load and current sensors, and their amplitudes in A."""
+    """What a feedback leaves. `waves`: orders of motor, load and current sensors, and amplitudes in A."""
     n, d = waves
     of_error = np.array(_error_orders(sensor), dtype=float)
     amplitudes = np.array([abs(sensor.wave(int(order))) for order in of_error])
@@ -254,7 +254,7 @@ def _error_orders(sensor: Counted) -> list[int]:
 def held_share(sensor: Counted, order: int, base: int, highest: int, bends: int) -> float:
     """The share of an order's power, 0 to 1, that the multiples of `base` up to `highest` hold.
 
-    They are orders of the measured angle. `bends`: up to this order the law learns the sensor's error.
+    The multiples are orders of the measured angle. Up to the order `bends` the law learns the sensor's error.
     """
     angles = ERROR_ANGLES * max(order, highest, ERROR_TABLE_ORDERS)
     theta, error = TURN / angles * np.arange(angles), np.zeros(angles)

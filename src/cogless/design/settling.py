@@ -2,8 +2,9 @@
 
 The models are those of ripple.py and learning_loop.py. Under the law `harmonic` an order's amplitude fades
 as exp(-Re Gamma rate t / 2), with Gamma of laws/harmonic_transfer.py. The models are for small signals, and
-`left_out` names what they lack of a drive. Without that, runs of drafts of `cogless new` settle within a turn
-and twice the time; with it some take ten times as long (tests/design/test_settling.py has both).
+`left_out` names what they lack of a drive. Without that, runs of drafts of `cogless new` settle
+within a turn and twice the time; otherwise some take ten times as long (tests/design/test_settling.py has
+both).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from cogless.design.verdict import judged
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
 
-REMAINING_SHARE = 0.1  # of the ripple that learning takes away, left when it counts as settled
+REMAINING_SHARE = 0.1  # share of the ripple that learning takes away; with this left, learning has settled
 SETTLING_STEPS_MOST = 1 << 20  # learning periods, or thousandths of a time constant
 
 
@@ -46,7 +47,7 @@ class Settling:
 def settling(study: Study, name: str, certified: Certificate | None = None) -> list[Settling]:
     """The times at the slowest and the fastest speed that scenarios of a controller hold.
 
-    `certified`: the certificate of the law `harmonic`. Empty if the reference varies in all of them, or if
+    `certified`: the certificate of the law `harmonic`. Empty if the reference varies in all scenarios, or if
     learning takes nothing away.
     """
     times: dict[float, float] = {}

@@ -61,10 +61,10 @@ from cogless.units import TURN, unit_of
 
 FASTER_FACTORS = (2.0, 4.0, 8.0)  # tried factors of gains and bandwidths
 SLOWER_FACTORS = (*FASTER_FACTORS, 16.0, 32.0, 64.0)  # by which the gains of the current loop are divided
-LEAST_MARGIN = 20  # deg, that a rule takes
-RATE_SHARE = 0.05  # of the loop's rate: a bandwidth at which its delay of 1.5 periods costs 27 deg
-PHASE_MARGIN_LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
-# true value over the law's: of K_t, and of the inertia on the motor's side of a soft shaft
+LEAST_MARGIN = 20  # deg, least phase margin that the design advises for a rule
+RATE_SHARE = 0.05  # advised bandwidth / current loop's rate: a delay of 1.5 periods costs 27 deg
+PHASE_MARGIN_LEAST = math.radians(30)  # rad, of a current loop or a feedback that is good enough
+# True value / the law's value: of K_t, and of the inertia on the motor's side of a soft shaft
 BELIEF_FACTORS = (0.5, 1.0, 1.5)
 Tuned = TypeVar("Tuned")
 
@@ -235,7 +235,7 @@ def faster_loop(study: Study) -> Iterator[list[Changes]]:
 
 
 def _softer(study: Study, name: str, cured: Callable[[Study], bool]) -> Changes | None:
-    """The largest phase margin, in whole degrees, that the rule can reach; None if it reaches none."""
+    """The change to the largest phase margin, in whole degrees, that the rule can reach; None if none."""
     tuning = getattr(study.controller[name], "tuning", None)
     if tuning is None:
         return None
@@ -265,7 +265,7 @@ def _divided(value: Any, factor: float) -> Any:
 
 
 LEAST_DAMPING = 1e-6  # least damping ratio that the design assumes for a soft shaft
-RESONANCE_DISTANCES = np.geomspace(0.01, 1e3, 300)  # distances from a resonance, in its width
+RESONANCE_DISTANCES = np.geomspace(0.01, 1e3, 300)  # distances from a resonance, in widths of the resonance
 
 
 @dataclass(frozen=True)
@@ -379,14 +379,14 @@ class SpeedLoop:
     b: float  # rad/s^2/A, acceleration per current
     steps: int  # current-loop periods per speed-loop period
     window: int  # current-loop periods over which the speed is averaged; 0: speed at the sample
-    current: CurrentLoop | IdealLoop  # the q axis has this loop
+    current: CurrentLoop | IdealLoop  # loop of the q axis
     bandwidth: float = 0.0  # rad/s, of an observer of the angle that gives the speed; 0: none
     delay: float = 0.0  # s, by which angle and speed are older, and the current reference acts later
     low_pass: float = 0.0  # rad/s, of a filter behind the speed; 0: none
-    is_held: bool = False  # the speed that enters it is computed once per speed-loop period
+    is_held: bool = False  # the speed before the filter is computed once per speed-loop period
     shaft: SoftShaft | None = None  # none: rigid
-    edge: float = 0.0  # s between the edges of Hall sensors; 0: they come at once, or there are none
-    edges: int = 0  # intervals between them that the speed is taken over
+    edge: float = 0.0  # s between the edges of Hall sensors; 0: no time between them is modelled
+    edges: int = 0  # intervals between edges that the speed is taken over
 
     @property
     def period(self) -> float:
@@ -400,12 +400,12 @@ class SpeedLoop:
 
     @property
     def sensed(self) -> tuple[int, int]:
-        """Indices of the speed and the angle that the position sensor is at."""
+        """Indices in x of the speed and the angle that the position sensor measures."""
         return (5, 6) if self.shaft is not None and self.shaft.on_load else (OMEGA, THETA)
 
     @property
     def rigid(self) -> SpeedLoop:
-        """The same with both masses as one."""
+        """The speed loop with both masses as one."""
         return dataclasses.replace(self, shaft=None)
 
     @property
@@ -415,7 +415,7 @@ class SpeedLoop:
 
     def plant(self, w: Real) -> tuple[Complex, Complex]:
         """P(jw), from current reference to measured speed, and the response to the sampled angle, rad/A."""
-        if len(w) == 1:  # a step of a search, which comes once
+        if len(w) == 1:  # a step of a search: a frequency that comes only once
             return self._plant(w)
         return _on_grid(self, np.asarray(w, dtype=float).tobytes())
 
@@ -450,7 +450,7 @@ class SpeedLoop:
     def _filter(self, w: Real) -> Complex:
         """Response of the speed's low-pass, which runs at the current loop's rate.
 
-        A speed that is held for N of its steps enters anew in the step before the law's.
+        A held speed stays for N steps of the low-pass, and changes in the step before the law's sample.
         """
         p, N = math.exp(-self.low_pass * self.current.period), self.steps
         if not self.is_held:
@@ -471,7 +471,8 @@ def interpolated(w: Real, T_e: float, edges: int) -> tuple[Complex, Complex]:
     """Responses of the speed and the angle that Hall sensors give to the true angle, T_e s from edge to edge.
 
     An edge shows the angle as it passes. From there on it is interpolated by the speed over the last `edges`
-    intervals. What this makes of frequencies beyond half of the edges' rate isn't in it.
+    intervals. The responses leave out the aliases of
+    frequencies beyond half of the edges' rate.
     """
     s = 1j * w
     hold = (1 - np.exp(-s * T_e)) / (s * T_e)
@@ -488,7 +489,7 @@ def _on_grid(loop: SpeedLoop, frequencies: bytes) -> tuple[Complex, Complex]:
     return speed, theta
 
 
-@lru_cache(maxsize=32)  # the same for all speeds of a reference, also where a sensor's edges come otherwise
+@lru_cache(maxsize=32)  # the same at all speeds of a reference, whatever the sensor's edges
 def _steps(
     b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, states: int, periods: int
 ) -> Real:
@@ -503,7 +504,7 @@ def _step(b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, stat
     T, reference, size = loop.period, states, states + 1
     moving = [CURRENT, *range(OMEGA, reference)]
     count = len(moving)
-    rates = np.zeros((count + 1, count + 1))  # of change of what moves, under a constant voltage
+    rates = np.zeros((count + 1, count + 1))  # rates of change of the moving states, under a constant voltage
     if shaft is None:
         rates[1, 0], rates[2, 1] = b, 1.0
     else:
@@ -557,7 +558,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     bus = study_here.drive.bus
     window = sensor.periods(rates.divider) if isinstance(sensor, Counted) else 0
     if isinstance(sensor, Hall):
-        window = rates.divider  # at least: warnings.py tells where edges come more rarely
+        window = rates.divider  # the least: warnings.py warns where edges come more rarely
     delay = sensor.latency if isinstance(sensor, Counted) else 0.0
     return SpeedLoop(
         b=K_t / study_here.mechanics.stiff.inertia,

@@ -150,7 +150,7 @@ def design(study: Study, name: str) -> Design:
 
 
 def weakest_margins(study: Study, name: str) -> Margins | None:
-    """Margins at the slowest or the fastest reference, whichever are smaller; v of a position law differs."""
+    """Margins at the slowest or the fastest reference, whichever are smaller; v depends on the speed."""
     return rules_of(study, name).margins()
 
 

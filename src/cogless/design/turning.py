@@ -7,9 +7,9 @@ has J = [[0, -1], [1, 0]]
 
 and the inverter's voltage, which stays in the stator's frame for a period, turns backward: du/dt = -w J u. It
 begins half a period ahead of its angle, since the controller turns it on by the delay and that half. The
-controller's feedforward adds w J L i of the sampled currents, as old as all it gives. Where it is late by
-too large a part of a turn, it drives the current instead of holding it, although the loop at standstill has
-every margin.
+controller's feedforward adds w J L i of the sampled currents, as old as all it gives. Where this voltage is
+late by too large a part of a turn, it drives the current instead of holding it, although the loop at
+standstill has every margin.
 
 An angle that is late by tau turns currents and voltages alike, so no loop sees it. But a current that is
 taken for i_q then is i_q cos(w tau), and the rest magnetises: torque is lost, and from a quarter of an
@@ -33,13 +33,12 @@ from cogless.study.reading import Changes, Remark
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 SPEED_POINTS = 64  # between standstill and the top speed, to say where a loop becomes unstable
-LATE_ANGLE_MOST = math.acos(0.75)  # electrical; a quarter of the torque is lost
-LATE_ANGLE_ADVISED = math.radians(20)  # 6 % of it
+LATE_ANGLE_MOST = math.acos(0.75)  # rad, electrical; a quarter of the torque is lost
+LATE_ANGLE_ADVISED = math.radians(20)  # rad, electrical; 6 % of the torque is lost
 
 
 def growth(study: Study, scenario: str, omega_m: float) -> float:
-    """The factor of an error of the current from period to period at a mechanical speed, rad/s; 0 if the loop
-    is ideal."""
+    """The factor per period of an error of the current, at a mechanical speed in rad/s; 0: an ideal loop."""
     loops = current_loops(study, scenario)
     if not loops:
         return 0.0
@@ -70,7 +69,7 @@ def unstable_turning(study: Study, scenario: str) -> Remark | None:
     """Warning of a current loop that is stable at standstill and not at a scenario's top speed."""
     top = study.scenario[scenario].top_reference
     speeds = np.linspace(0.0, top, SPEED_POINTS)
-    if growth(study, scenario, 0.0) >= 1 or not top:  # at standstill the design says it anyway
+    if growth(study, scenario, 0.0) >= 1 or not top:  # standstill has its own warning
         return None
     lost = next((speed for speed in speeds if growth(study, scenario, speed) >= 1), None)
     if lost is None:
@@ -89,7 +88,7 @@ def unstable_turning(study: Study, scenario: str) -> Remark | None:
 
 
 def _steadier(study: Study) -> Iterator[list[Changes]]:
-    """Changes of a current loop against what it does at speed, each kind from the least on."""
+    """Lists of changes that steady a current loop at speed; each list begins with the smallest change."""
     rates, key = study.drive.rates, "drive.rates.current_loop"
     yield [{key: f"{factor * rates.current_loop / 1000:g} kHz"} for factor in FASTER_FACTORS]
     yield slower_loop(study)

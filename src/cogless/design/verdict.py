@@ -50,12 +50,12 @@ from cogless.study.reading import Changes, Remark
 from cogless.units import ANGULAR_SPEED, TURN
 
 SPEED_STEP = 1.06  # ratio of one judged speed to the one before
-FEWEST_SPEEDS = 15
+FEWEST_SPEEDS = 15  # least number of judged speeds, if the speed varies
 SPEED_TOLERANCE = 1e-6  # relative; speeds that differ by less are one
 ACCELERATION_COUNT = 3  # accelerations that are judged at each speed, if mu depends on the acceleration
 FILTER_WIDTH_MOST = 400  # widest Q filter that is tried, in cells or samples on each side
 REST_RATIO = 200.0  # speeds below the fastest one divided by this count as rest
-ORDER_POINTS = 2000
+ORDER_POINTS = 2000  # orders at which the mean factor is computed
 TORQUE_ANGLES = 720  # angles of an electrical revolution at which the torque constant is evaluated
 K_T_RIPPLE_LEAST = 0.01  # relative; a smaller ripple of the torque constant is neglected
 # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
@@ -141,7 +141,7 @@ class Verdict:
     omega_m: float = 0.0  # rad/s, speed of the worst factor, or of the instability
     scenario: str | None = None  # the scenario with that speed, if there are several
     unstable: Oscillation | None = None
-    varies: bool = False  # the speed
+    varies: bool = False  # whether the speed varies
     mean: Mean | None = None  # if learning grows and the speed varies
     repair: Repair | None = None  # the change that ends the growth
     remedy: Remark | None = None  # what cures it, if anything does
@@ -648,7 +648,7 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
     orders, window = np.linspace(1, max(highest, 1), ORDER_POINTS), 1
     chosen = [at.loop.orders for at, _ in judged if at.loop.orders is not None]
     if chosen:
-        orders = max(chosen, key=len)  # of the slowest speed: the most orders
+        orders = max(chosen, key=len)  # the slowest speed has the most orders
     else:
         window += math.ceil(1 / max(orders[1] - orders[0], 1 / ORDER_POINTS))
     rate, bound = np.zeros(len(orders)), np.zeros(len(orders))

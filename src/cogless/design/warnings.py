@@ -53,8 +53,8 @@ DELAY_MARGIN_SHARE = 0.5  # share of the phase margin that a delay may use
 COASTING_ANGLE = 1.0  # rad
 SPEED_COUNTS_LEAST = 0.5  # counts in a speed sample: with fewer, most samples have none
 CURED_RATIO = 0.9  # ripple with a change that is advised / without it, at most
-# The same of a slower feedback, which lets more of the cogging through. In 30 random drives a ratio of .2 or
-# more came out up to 1.4 times as large as predicted (benchmarks/slow_feedback.py).
+# The same ratio for a slower feedback, which lets more of the cogging through. In 30 random drives a ratio of
+# .2 or more came out up to 1.4 times as large as predicted (benchmarks/slow_feedback.py).
 LESS_BY_FEEDBACK = 0.7
 STARTED_SHARE = 0.5  # of a run: by then a feedback that is advised turns a rotor that rests
 
@@ -96,7 +96,7 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
 def turning_speed(study: Study, name: str, scenario: str) -> float | None:
     """The speed, rad/s, from which on the detents do not stop the rotor under a controller, with a reserve.
 
-    None if they do not at the scenario's slowest speed, or if they do at every speed.
+    None if the detents do not stop it at the scenario's slowest speed, or stop it at every speed.
     """
     stopping = _stopping(study, name, scenario)
     if stopping is None:
@@ -125,8 +125,8 @@ class _Edges:
     feedback: Linear
     margins: Margins
     late_margins: Margins  # with the speed as late as its edges are
-    swing: float  # rad/s rms, of the speed, by what depends on the angle
-    late_swing: float  # the same with a speed as late as its edges
+    swing: float  # rad/s rms, speed ripple by orders of torque and sensors
+    late_swing: float  # rad/s rms, that ripple with a speed as late as its edges
 
     @property
     def time(self) -> float:
@@ -348,7 +348,7 @@ def too_short(study: Study, runs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _idle_table(study: Study, scenario: str) -> str:
-    """Why a table of the position sensor's error learns nothing in a scenario; "" if it may, or is none."""
+    """Why a table of the position sensor's error learns nothing in a scenario; "" if it may, or no table."""
     table, way = for_scenario(study, scenario).drive.encoder_table, course(study.scenario[scenario])
     if table is None:
         return ""

@@ -18,7 +18,7 @@ SENSOR_AXES = ("x", "y", "z")
 
 
 def samples(belt: Belt, run: Run, seed: int, number: int) -> tuple[Numbers, Numbers]:
-    """Times, s, and acceleration, m/s^2, a column an axis, in a log of a run; `number`: from 1.
+    """Times, s, and acceleration, m/s^2, a column an axis, in a log of a run. `number`: the log's, from 1.
 
     The random numbers follow from the seed, the names of scenario and controller, and the number.
     """

@@ -51,7 +51,8 @@ class Feature:
 class Recording:
     """A log in SI units by signal, as `identify.config.SIGNALS` names them; NaN where a number is missing.
 
-    `kind`: of `identify`, or "". `remarks`: what was wrong with its files, a sentence each.
+    `kind`: of the log, as `identify` names it; "": not known. `remarks`: what was wrong with
+    its files, a sentence each.
     """
 
     path: Path
@@ -63,14 +64,14 @@ class Recording:
 
 @dataclass(frozen=True)
 class TableFrame:
-    """How the identified angle lies to the index of the drive's own cogging table.
+    """How the index of the drive's own cogging table follows from the identified angle.
 
     The index counts as `direction` times the identified angle. `zero`: both are zero at one place;
-    `zero_error`: by how much they may differ, rad. `lacking`: why `zero` is false, after "since". `gains`: of
-    the drive's own law, as its class in `firmware_laws` takes them; empty: not known.
-    `encoder`: the number of the one that the index is of, and whether a correction table of it was on.
-    The encoder's own angle counts as `encoder_direction` times the identified one and is larger by
-    `encoder_shift`, rad; 0: `encoder_lacking` says what tells it. `pole_pairs`: 0 where no table needs them.
+    `zero_error`: by how much they may differ, rad. `lacking`: why `zero` is false, as text after "since".
+    `gains`: of the drive's own law, as its class in `firmware_laws` takes them; empty: not known. `encoder`:
+    number of the index's encoder. `encoder_table_on`: whether a correction table of this encoder was on.
+    The encoder's own angle is `encoder_direction` times the identified angle plus `encoder_shift`, rad. With
+    direction 0, `encoder_lacking` says what would give it. `pole_pairs`: 0 where no table needs them.
     """
 
     drive: str
@@ -93,7 +94,7 @@ class TableFrame:
 
 @dataclass(frozen=True, eq=False)
 class DriveLogs:
-    """What logs and configuration of a drive tell: recordings, tables of a file of columns, remarks."""
+    """What a drive's logs and configuration contain: recordings, tables of a file of columns, remarks."""
 
     recordings: Sequence[Recording]
     tables: Mapping[str, Mapping[str, Any]]  # [motor] and [drive]
@@ -105,7 +106,7 @@ class DriveLogs:
 class TableText:
     """A cogging table in the drive's own format.
 
-    `applied`: the current that the firmware makes of it at an identified angle, A over rad. `entries`,
+    `applied`: the current, A, that the firmware makes of the table at an identified angle, rad. `entries`,
     `scale`: for the summary. `install`, `remove`, `sign_check`: what the user does, a line each.
     `table_params`: the table as the class of the drive's law takes it.
     """
@@ -136,9 +137,9 @@ class Motions:
 
 @dataclass(frozen=True, eq=False)
 class CorrectionText:
-    """A step motor's correction in a firmware's own format. `holds`: what it can and can't hold, said first.
+    """A step motor's correction in a firmware's own format. `holds`: what it can and can't hold.
 
-    `share`: what it leaves of the correction, rms over the angle of both directions.
+    `share`: the share of the correction that it leaves, rms over the angle of both directions.
     """
 
     text: str
@@ -149,7 +150,7 @@ class CorrectionText:
 
 
 def ramped(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Speeds over time with a ramp before and after, from rest and back to it."""
+    """Points of time and speed, with a ramp from rest before them and a ramp to rest after them."""
     (_, first), (end, last) = points[0], points[-1]
     before = [(0.0, 0.0)] if first else []
     start = RAMP_TIME if first else 0.0
@@ -159,15 +160,15 @@ def ramped(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True, eq=False)
 class Adapter:
-    """A drive's module. `recognise`: which of its logs begins with these lines, "" for none of them.
+    """A drive's module. `recognise`: the kind of its log that begins with these lines; "": none.
 
     `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
     table; None: `refusal` says why the drive takes none. `write_script`: files by name,
     of which the first plays motions and logs them; `log_pattern`: the log of a motion, by name and number.
     `identify_runs`, `write_runs`, `write_correction`: the same for a printer's axis, whose motor has no
-    sensor. `law`: the class of its own law in `firmware_laws`; `gains`: what the file of
-    `--drive-config` has for it, empty if nothing. `own_angle`: its table is over its source's
-    angle. `write_encoder`: its own text of a correction of its encoder; None: it takes none.
+    sensor. `law`: the class of the drive's own law in `firmware_laws`; `gains`: the law's arguments in the
+    file of `--drive-config`, empty if it has none. `own_angle`: its table is over the angle of
+    the table's source. `write_encoder`: its own text of a correction of its encoder; None: it takes none.
     `mean_currents`: a row of its logs has the mean current since the row before.
     """
 
@@ -206,10 +207,10 @@ def text_of(path: Path, expected: str) -> str:
 
 
 def read_columns(path: Path, names: Sequence[str], needed: Sequence[str], title: str) -> LogColumns:
-    """The columns with these headings, those that are there. The first of `needed` is the time.
+    """Those columns of these headings that the log has. The first of `needed` is the time.
 
-    Rows without a time are left out; other cells may lack their number, and are NaN. StudyError: one that is
-    needed is missing, or a cell is no number.
+    Rows without a time are left out; other cells may lack their number, and are NaN. StudyError: a
+    needed column is missing, or a cell is no number.
     """
     (log,) = read(path, list(names), with_gaps=True)
     lacking = next((name for name in needed if name not in log.columns), None)

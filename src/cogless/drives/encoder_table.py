@@ -1,4 +1,4 @@
-"""Correction tables of an encoder's own error, from what identify tells of it."""
+"""Tables that correct an encoder's own error, as identify found it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from cogless.errors import StudyError
 from cogless.results.trace import Array
 
 MOTEUS_POINTS, MOTEUS_STEPS = 256, 127
-WAVE_ENTRIES, SIMPLEFOC_ENTRIES_LEAST = 8, 128  # entries for a wave of the highest order; and of a table
-VESC_CELLS, VESC_DEGREES_MOST = 360, 120
+WAVE_ENTRIES, SIMPLEFOC_ENTRIES_LEAST = 8, 128  # entries in a wave of the highest order; in a table
+VESC_CELLS, VESC_DEGREES_MOST = 360, 120  # cells in a revolution; deg electrical
 SIGN_CHECK = (
     "identify again from new logs: the encoder's orders are gone; with the wrong sign they are twice as large"
 )
@@ -44,7 +44,7 @@ class AngleCorrection(AngleWaves):
 
 
 def correction_from(folder: Path) -> AngleCorrection:
-    """The correction of the identified encoder's error. StudyError: the folder has none."""
+    """The correction that cancels the encoder's error in identify's results. StudyError: they have none."""
     waves, _ = cancelling_waves(
         folder,
         "encoder",
@@ -55,9 +55,10 @@ def correction_from(folder: Path) -> AngleCorrection:
 
 
 def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
-    """Lines for `moteus_tool --restore-config`: entry i at i / 256, straight lines between, added.
+    """Lines for `moteus_tool --restore-config`. moteus adds the table to the angle.
 
-    `applied` is in rad over rad. StudyError: a table was on in the logs.
+    Entry i is at i / 256 of a turn, straight lines between. The result's `applied` gives rad at an angle in
+    rad. StudyError: a table was on in the logs.
     """
     if frame.encoder_table_on:
         raise StudyError(
@@ -94,7 +95,7 @@ def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
 
 
 def _own_angle(correction: AngleWaves, frame: TableFrame) -> AngleWaves:
-    """The correction over the encoder's own angle. StudyError: how that lies is not known."""
+    """The correction over the encoder's own angle. StudyError: the frame does not give this angle."""
     if not frame.encoder_direction:
         lacking = frame.encoder_lacking or "expected new results of identify --drive"
         raise StudyError(f"{correction.source}: the encoder's own angle is not known: {lacking}")
@@ -107,7 +108,7 @@ def _own_turns(angle: Array, frame: TableFrame) -> Array:
 
 
 def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
-    """A table for CalibratedSensor, which subtracts it. `applied` is in rad over rad."""
+    """A table for CalibratedSensor, which subtracts it. `applied` gives rad at an angle in rad."""
     entries_least = WAVE_ENTRIES * max(correction.orders)
     count = max(SIMPLEFOC_ENTRIES_LEAST, 1 << (entries_least - 1).bit_length())
     values = -samples(_own_angle(correction, frame), count, 1, "linear")
@@ -135,9 +136,9 @@ def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
 
 
 def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
-    """Lines in Lisp: electrical degrees for each degree of the encoder, whole, subtracted from the phase.
+    """Lines in Lisp: for each degree of the encoder, whole electrical degrees that VESC takes off the phase.
 
-    `applied` is in rad over rad. StudyError: a correction beyond 120 deg, or nothing but zeros.
+    `applied` gives rad at an angle in rad. StudyError: a correction beyond 120 deg, or nothing but zeros.
     """
     own = _own_angle(correction, frame)
     values = -np.degrees(frame.pole_pairs * samples(own, VESC_CELLS, 1, "step"))

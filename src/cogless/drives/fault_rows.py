@@ -13,7 +13,7 @@ from cogless.identify.read_log import read
 from cogless.results.trace import Array
 
 FAULT_ROWS_LEAST = 3  # rows before a fault; a log with fewer is of no use
-LEFT_TIME_LEAST = 0.5  # s, in another mode; a shorter end of a log is not named
+LEFT_TIME_LEAST = 0.5  # s in another mode at a log's end; a shorter time is not reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Faults:
 
 
 def numbers(path: Path, headings: Sequence[str], time: str) -> dict[str, Array]:
-    """The columns of flags, in the rows that have a time; without those that a PC wrote as words."""
+    """The columns of flags, in the rows that have a time. Columns that hold words are left out."""
     columns: dict[str, Array] = {}
     for heading in headings:
         try:
@@ -42,8 +42,8 @@ def faults(
 ) -> Faults:
     """The rows before the first fault. StudyError: there are hardly any.
 
-    `t`: s, from the first row. `flags`: by heading, not zero where there is a fault. `modes`: of the drive,
-    which is `controls` where it controls the motor.
+    `t`: s, from the first row. `flags`: by heading, not zero where there is a fault. `modes`: the
+    drive's mode in each row, `controls` while it controls the motor.
     """
     rows, remarks = len(t), []
     for heading, flag in flags.items():

@@ -1,8 +1,8 @@
 """Laws of drives' firmware with their cogging tables, written from their sources: one class for each drive.
 
-A study names one of them as a law of one's own: law = "python", object = "firmware_laws.py:Moteus". Gains
-have the firmware's own units, so that they go in as its configuration has them. Angles are the rotor's, rad;
-currents are peak A. `share`: of the table that acts; 0 without it, -1 with the other sign.
+A study takes one of these classes as its law by law = "python", object = "firmware_laws.py:Moteus". Gains
+have the firmware's own units, so they are as in its configuration. Angles are the rotor's, rad; currents are
+peak A. `share`: factor on the table; 0: no table, -1: the opposite sign.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from typing import Protocol
 
 MOTEUS_ENTRIES = 1024
 ODRIVE_CELLS = 3600
-ODRIVE_DECAY = 0.99  # of the integrator, in each step whose torque is limited
+ODRIVE_DECAY = 0.99  # factor on the integrator, in each step whose torque is limited
 
 
 class Drive(Protocol):
-    """What these laws take of the drive that a study describes."""
+    """What these laws need of the drive that a study describes."""
 
     torque_constant: float  # N m/A
 
 
 class Inputs(Protocol):
-    """What these laws take of the inputs of a step."""
+    """What these laws need of the inputs of a step."""
 
     ts: float  # s
     theta_m: float  # rad, within a turn, measured
@@ -34,7 +34,7 @@ class Inputs(Protocol):
 
 
 class MoteusTable:
-    """`motor.cogging_dq_comp` times `cogging_dq_scale`: entry i is at i / 1024, straight lines between."""
+    """`motor.cogging_dq_comp` times `cogging_dq_scale`: entry i at i / 1024 turn, straight lines between."""
 
     def __init__(self, scale: float, entries: Sequence[int]) -> None:
         if len(entries) != MOTEUS_ENTRIES:
@@ -43,7 +43,7 @@ class MoteusTable:
         self.entries = [c_int8(round(entry)).value for entry in entries]  # an entry of 128 becomes -128
 
     def current(self, index: float) -> float:
-        """The current at an angle of the commutation source, of any turn, A."""
+        """The current, A, at an angle of the commutation source, rad, in any turn."""
         place = (index / math.tau % 1.0) * MOTEUS_ENTRIES
         first = int(place)
         share = place - first
@@ -52,13 +52,13 @@ class MoteusTable:
 
 
 class HeaderTable:
-    """The table of the header that cogless writes: entry i is at i / count, straight lines between."""
+    """The table of the header that cogless writes: entry i is at i / count turn, straight lines between."""
 
     def __init__(self, entries: Sequence[float]) -> None:
         self.entries = [c_float(entry).value for entry in entries]
 
     def current(self, angle: float) -> float:
-        """The current at `motor.shaft_angle`, of any turn, A."""
+        """The current, A, at `motor.shaft_angle`, rad, in any turn."""
         place = angle / math.tau * len(self.entries)
         first = math.floor(place)
         low = self.entries[first % len(self.entries)]
@@ -66,7 +66,7 @@ class HeaderTable:
 
 
 class OdriveMap:
-    """`anticogging.cogging_map` of firmware 0.5, N m: a cell holds from i / 3600 to the next.
+    """`anticogging.cogging_map` of firmware 0.5, N m: cell i holds from i / 3600 turn to the next.
 
     The index is cut toward zero, so that at negative angles each cell acts one cell later in the turn.
     """
@@ -77,14 +77,14 @@ class OdriveMap:
         self.cells = [c_float(cell).value for cell in cells]
 
     def torque(self, angle: float) -> float:
-        """The torque at `pos_estimate`, which counts turns, N m."""
+        """The torque, N m, at the angle of `pos_estimate`, rad, in any turn."""
         return self.cells[int(angle / math.tau * ODRIVE_CELLS) % ODRIVE_CELLS]
 
 
 class Tracker:
     """An encoder's angle and speed through a critically damped filter of the second order.
 
-    moteus and ODrive have it; `bandwidth` is in rad/s. The angle counts turns.
+    moteus and ODrive have this filter. `bandwidth`: rad/s. The angle, rad, goes on from turn to turn.
     """
 
     def __init__(self, bandwidth: float) -> None:
@@ -103,7 +103,7 @@ class Tracker:
 
 
 class Setpoint:
-    """The angle that is asked for, which counts turns and begins where the rotor is."""
+    """The set angle, rad: it begins at the rotor's angle and goes on from turn to turn."""
 
     def __init__(self) -> None:
         self.theta_ref = self.angle = math.nan
@@ -118,10 +118,10 @@ class Setpoint:
 
 
 class Moteus:
-    """Position mode (fw/pid.h): a PID whose torque is limited, and behind the limit the table.
+    """Position mode (fw/pid.h): a PID whose torque is limited; the table is added after the limit.
 
-    `kp`, `ki`, `kd`: of `servo.pid_position`, N m for a turn, a turn second, a turn a second of the output.
-    `ratio`: turns of the output for one of the rotor. `direction`: in which the index counts.
+    `kp`, `ki`, `kd`: of `servo.pid_position`, N m/turn, N m/(turn s) and N m s/turn of the output. `ratio`:
+    turns of the output / those of the rotor. `direction`: 1; -1: the index falls as the angle grows.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Odrive:
     """Firmware 0.5 (Firmware/MotorControl/controller.cpp): P of the position over PI of the speed.
 
     `pos_gain`: 1/s; `vel_gain`: N m s/turn; `vel_integrator_gain`: N m/turn; `bandwidth`: of the encoder,
-    rad/s; `cells`: of the map, N m, which is added before the limit.
+    rad/s; `cells`: of the map, N m. The map is added before the limit.
     """
 
     def __init__(
@@ -201,7 +201,7 @@ class Odrive:
 
 
 class SimpleFoc:
-    """Speed control with torque by a current (src/common/pid.cpp), the table behind the limit.
+    """Speed control with torque by a current (src/common/pid.cpp); the table is added after the limit.
 
     `P`, `I`, `D`: of `motor.PID_velocity`, A s/rad, A/rad, A s^2/rad; `output_ramp`: A/s, 0 for none;
     `Tf`: of `motor.LPF_velocity`, s.

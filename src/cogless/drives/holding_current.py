@@ -1,4 +1,4 @@
-"""The current that holds a rotor against its cogging, and the entries of a drive's table of it."""
+"""The current that holds a rotor against its cogging, and the entries of a drive's table for this current."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cogless.maps import stored_map
 from cogless.maps.stored_map import CURRENT_CODE
 from cogless.results.trace import Array
 
-FINE_POINTS = 16  # for each entry of a table, or for each wave of the highest order
+FINE_POINTS = 16  # grid points for each entry of a table, or each wave of the highest order
 ORDER_LEAST = 1e-6  # an order below this share of the largest is rounding
 Waves = NDArray[np.complex128]
 
@@ -39,7 +39,7 @@ class AngleWaves:
 
     @property
     def orders(self) -> list[int]:
-        """The orders that it has."""
+        """The orders in these waves that are more than rounding."""
         sizes = np.abs(self.waves)
         return [int(n) for n in np.flatnonzero(sizes > ORDER_LEAST * np.max(sizes))]
 
@@ -49,7 +49,7 @@ class AngleWaves:
         return float(np.sqrt(np.sum(np.abs(self.waves) ** 2) / 2))
 
     def turned(self, direction: int, shift: float = 0.0) -> Self:
-        """The same where angle and value count in this direction, and the angle is larger by `shift`."""
+        """The waves over the angle direction * angle + shift, rad, with the value times `direction`, too."""
         n = np.arange(len(self.waves))
         waves = self.waves if direction > 0 else -np.conj(self.waves)
         return replace(self, waves=waves * np.exp(-1j * n * shift))  # type: ignore[type-var]
@@ -59,7 +59,7 @@ class AngleWaves:
 class HoldingCurrent(AngleWaves):
     """The current over the rotor's angle, A, that holds the rotor against its cogging.
 
-    `K_t`: N*m/A, of the motor that it is for; 0: unknown.
+    `K_t`: the motor's, N*m/A; 0: unknown.
     """
 
     waves: Waves
@@ -88,7 +88,7 @@ def from_samples(
 
 
 def samples(current: AngleWaves, count: int, direction: int, between: Literal["linear", "step"]) -> Array:
-    """The entries of a table whose own interpolation makes each order of the current as large as it is.
+    """The entries of a table for a current. They make up for what the firmware's interpolation takes off.
 
     Entry i is at the index i / count, which counts as `direction` times the angle. `linear`: the firmware
     interpolates between entries, which makes an order n smaller by sinc^2(n / count). `step`: an entry holds
@@ -112,7 +112,7 @@ class Residue:
     before: float
     after: float
     order: int
-    amplitude: float  # It is that of the order, in the value's unit.
+    amplitude: float  # amplitude of this order
 
     @property
     def share(self) -> float:
@@ -120,7 +120,7 @@ class Residue:
 
 
 def residue(current: AngleWaves, entries: int, applied: Callable[[Array], Array]) -> Residue:
-    """What is left where the firmware's own look-up acts, computed on a fine grid of angles."""
+    """What is left of a current when the firmware's own look-up acts, computed on a fine grid of angles."""
     points = FINE_POINTS * max(entries, max(current.orders, default=1))
     angle: Array = math.tau / points * (np.arange(points, dtype=np.float64) + 0.5)
     rest = current.value(angle) - applied(angle)
@@ -167,7 +167,7 @@ def cancelling_waves(
 
 
 def from_stored_map(path: Path) -> HoldingCurrent:
-    """The current of the newest stored map in a file. StudyError: it is not one over a revolution."""
+    """The current of the newest stored map in a file. StudyError: no map of a current over a revolution."""
     try:
         places = stored_map.read(path)
     except stored_map.MapError:

@@ -1,6 +1,6 @@
 """Kollmorgen's AKD and Beckhoff's AX8000: cogging tables by their manuals, which leave signs and zeros open.
 
-So each comes with the test on the drive that settles what its manual does not say.
+So each table comes with a test on the drive, which settles what the manual does not say.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cogless.results.trace import Array
 
 AKD_ENTRIES = 8192
 AX8000_WAVES, AX8000_ORDER_MOST = 10, 200
-AX8000_OBJECT, AX8000_FIRST, AX8000_STEP = 0x32CB, 7, 3  # sub-indices: order, phase, torque from the first on
+AX8000_OBJECT, AX8000_FIRST, AX8000_STEP = 0x32CB, 7, 3  # sub-indices of an order: its number, phase, torque
 
 
 def write_akd(current: HoldingCurrent, frame: TableFrame) -> TableText:

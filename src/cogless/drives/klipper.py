@@ -1,8 +1,8 @@
 """Klipper: ramps of an axis, as a macro makes them and ACCELEROMETER_MEASURE records them.
 
 Read in its source (Klipper3d/klipper, klippy/extras/adxl345.py at 0512a7c): a CSV of the
-printer's clock, s, and accelerations, mm/s^2. Its clock is the planner's. Where in the log the move begins is
-not said, since the planner waits for its buffer; the move itself tells it.
+printer's clock, s, and accelerations, mm/s^2. The planner has the same clock. The log does not say when the
+move begins, since the planner waits for its buffer. So the start is found from the acceleration.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ RUN_NAME = re.compile(r"cogless-(x|y)-(forward|backward)-(plain|probe)-(\d+)")
 RAMP_REPEATS = 3
 DWELL_TIME = 500  # ms of rest before and after a move
 RATE_LEAST = 800.0  # Hz
-WAY_SHARE_LEAST = 0.5  # of the travel, from which on a log tells which way it went
-GAP_MOST = 20.0  # periods of sampling without a sample
+WAY_SHARE_LEAST = 0.5  # way / travel, from which on a log shows its direction
+GAP_MOST = 20.0  # sampling periods without a sample, at most
 
 
 def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, Numbers]:
-    """Times, s, and the acceleration along a direction in x and y, m/s^2. StudyError: no such log."""
+    """Times, s, and the acceleration along a direction in x and y, m/s^2. StudyError: an unusable log."""
     lines = text_of(path, KLIPPER_LOG).rstrip().splitlines()
     if not lines or lines[0].replace(" ", "") != HEADING:
         raise StudyError(f'{path}: its first line is not "{HEADING}": expected {KLIPPER_LOG}')
@@ -135,7 +135,7 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
 
 
 def _check_ways(runs: Sequence[Run], axis: Axis) -> None:
-    """StudyError: both runs go the same way. One alone tells nothing: a sensor may be mounted either way."""
+    """StudyError: both runs go the same way. A sensor may be mounted either way, so one run is no test."""
     ways = [ramps.displacement(run) for run in runs]
     if min(map(abs, ways)) > WAY_SHARE_LEAST * axis.travel and ways[0] * ways[1] > 0:
         raise StudyError(

@@ -45,10 +45,10 @@ ENTRY_MOST = 127
 STATS_CHANNEL, POSITION_CHANNEL = "servo_stats", "motor_position"
 STATS_SIGNALS = {"position", "velocity", "q_A", "d_A", "bus_V"}
 REGISTERS = {"position": "POSITION", "velocity": "VELOCITY", "q_A": "Q_CURRENT", "d_A": "D_CURRENT"}
-MODE, FAULT = "mode", "fault"  # flags of servo_stats; in small letters the registers of both
+MODE, FAULT = "mode", "fault"  # flags of servo_stats; registers have these names in capitals
 FAULT_MODE, POSITION_MODE = 1, 10
 OVERLAY_SPREAD = 0.2  # rad rms of single rows; beyond it the channels are not of one log
-ENDS_APART = 0.5  # s, by which one channel's last row may come before the other's: slow ones have 100 ms
+ENDS_APART = 0.5  # s, by which one channel may end before the other; a slow channel has a row each 100 ms
 CHANNEL_ROWS_LEAST = 3  # a channel with fewer is no log
 
 
@@ -66,7 +66,7 @@ class Channels:
     stats_name: str
     position_name: str
     remarks: Sequence[str] = ()
-    stamped: bool = True  # by the PC, when a row arrived; else the time is that of the question
+    stamped: bool = True  # PC time when a row arrived; False: time of the request
 
 
 def recognise(first: Sequence[str]) -> str:
@@ -129,7 +129,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
 
 
 def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
-    """The logs in these files; those of tview's CSV are two files each, whatever their names are."""
+    """The logs in these files. A log of tview as CSV is two files, whatever their names are."""
     stats: dict[Path, LogColumns] = {}
     positions: dict[Path, LogColumns] = {}
     for path in paths:
@@ -166,7 +166,7 @@ def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
 
 
 def _partner(path: Path, position: LogColumns, stats: Mapping[Path, LogColumns]) -> Path:
-    """The log of servo_stats of the time of a log of motor_position; of several that of its name.
+    """The log of servo_stats from the same time as a log of motor_position; of several, by the file's name.
 
     StudyError: there is none.
     """
@@ -211,7 +211,7 @@ def _registers(path: Path, dump: Dump) -> Channels:
 
 
 def _before_faults(path: Path, log: LogColumns, time: str, headings: Sequence[str]) -> LogColumns:
-    """The rows before a fault, with what is said of it."""
+    """The rows before a fault, with remarks on the fault."""
     t = log.columns[time] - log.columns[time][0]
     fault = _faults(path, t, numbers(path, headings, time), *headings)
     columns = {name: values[: fault.rows] for name, values in log.columns.items()}
@@ -219,7 +219,7 @@ def _before_faults(path: Path, log: LogColumns, time: str, headings: Sequence[st
 
 
 def _faults(path: Path, t: Array, flags: Mapping[str, Array], mode: str, fault: str) -> Faults:
-    """A code of `fault` is one in the mode of faults only; else it may be a limit that acts."""
+    """The rows before a fault. `fault` is a fault's code in fault mode; else it may be a limit that acts."""
     modes = flags.get(mode)
     if modes is None:
         return faults(path, t, {})
@@ -239,7 +239,7 @@ def _unstamped(
 
 
 def _stream(path: Path, dump: Dump) -> Channels:
-    """A high-rate stream: all of a row is of one control cycle."""
+    """A high-rate stream: all values of a row are from one control cycle."""
     stats, index = read_stream(path, dump)
     position = {} if index is None else {"timestamp": stats["timestamp"], _filtered(dump): index}
     return _unstamped(path, stats, position)
@@ -317,7 +317,7 @@ def _whole(columns: Mapping[str, list[float]]) -> dict[str, Array]:
 
 
 def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[str]]:
-    """A log in SI units, with the angle of the table's index where a channel tells it."""
+    """A log in SI units, with the angle of the table's index if a channel has it."""
     stats = log.stats
     if len(stats["timestamp"]) < CHANNEL_ROWS_LEAST:
         raise StudyError(f"{log.path}: {len(stats['timestamp'])} rows: expected a log")
@@ -366,7 +366,7 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
 
 
 def _ended_early(log: Channels, t: Array, t_other: Array) -> list[str]:
-    """What is said where one of both channels ends long before the other."""
+    """A remark if one of the two channels ends long before the other."""
     ends = sorted([(float(t[-1]), log.stats_name), (float(t_other[-1]), log.position_name)])
     (end, name), (last, other) = ends
     return [ended_early(name, end, other, last)] if last - end > ENDS_APART else []
@@ -407,7 +407,7 @@ def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
 
     The mean of both directions is free of friction. A mean of a bin belongs to the bin's middle.
     """
-    del configuration  # Both are over the index itself.
+    del configuration  # Both kinds of table are over the index itself.
     text = text_of(path, f"{DUMP_HINT}, or the JSON of compensate_cogging.py")
     if not text.lstrip().startswith("{"):
         dump = read_dump(path)

@@ -1,4 +1,4 @@
-"""The dump of a moteus's configuration, and what it tells of motor and drive."""
+"""The dump of a moteus's configuration, and the motor and drive that it describes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Dump:
 
     @property
     def source(self) -> int:
-        """The encoder that commutation takes, and with it the cogging table."""
+        """Number of the encoder that commutation and the cogging table use."""
         return int(self.number("motor_position.commutation_source", "0, 1 or 2", 0.0))
 
     @property
@@ -68,14 +68,14 @@ class Dump:
 
     @property
     def table(self) -> Array:
-        """The table that is stored, A; zeros if there is none."""
+        """The stored cogging table, A; zeros if there is none."""
         scale = self.number("motor.cogging_dq_scale", "a number", 0.0)
         keys = (f"motor.cogging_dq_comp.{n}" for n in range(MOTEUS_ENTRIES))
         return np.array([scale * self.number(key, "-128 to 127", 0.0) for key in keys])
 
 
 def read_dump(path: Path) -> Dump:
-    """Read a dump. StudyError: it is no such file, or of a drive whose frame can't be followed."""
+    """Read a dump. StudyError: it is no such file, or the commutation source is behind a gear."""
     values = {}
     for line in text_of(path, DUMP_HINT).splitlines():
         name, _, value = line.partition("#")[0].strip().partition(" ")
@@ -97,7 +97,7 @@ def read_dump(path: Path) -> Dump:
 
 
 def gains(dump: Dump) -> dict[str, float]:
-    """What position mode does, as `firmware_laws.Moteus` takes it; empty: the dump doesn't tell."""
+    """The gains of position mode, as `firmware_laws.Moteus` takes them; empty: the dump lacks them."""
     names = {"kp": "kp", "kd": "kd", "ki": "ki", "ilimit": "ilimit"}
     keys = {name: f"servo.pid_position.{key}" for name, key in names.items()}
     keys["filter_hz"] = f"motor_position.sources.{dump.source}.pll_filter_hz"
@@ -108,7 +108,7 @@ def gains(dump: Dump) -> dict[str, float]:
 
 
 def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
-    """[motor] and [drive] as the dump tells them."""
+    """[motor] and [drive] as the dump gives them."""
     poles = dump.above_zero("motor.poles", "poles of a calibrated motor, such as 14")
     if poles % 2:
         raise StudyError(f"{dump.path}: motor.poles: {poles:g}: expected an even number")
@@ -119,7 +119,7 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
         magnet["kv"] = f"{kv:.9g} rpm/V"
     kp = dump.above_zero("servo.pid_dq.kp", "a gain above zero")
     ki = dump.above_zero("servo.pid_dq.ki", "a gain above zero")
-    # Calibration sets kp = w L and ki = w R, so older firmware, which stores no inductance, tells it too.
+    # Older firmware stores no inductance. Calibration sets kp = w L and ki = w R, so L = R kp / ki.
     inductance = dump.number("motor.inductance_d_H", "an inductance", 0.0) or resistance * kp / ki
     inductance_q = dump.number("motor.inductance_q_H", "an inductance", 0.0) or inductance
     limit = dump.above_zero("servo.max_current_A", "a current above zero")
@@ -140,7 +140,7 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
             "R_s": f"{resistance:.9g} ohm",
             "L_d": f"{inductance:.9g} H",
             "L_q": f"{inductance_q:.9g} H",
-            **magnet,  # Older firmware has v_per_hz in its place; then --config says kv or K_t.
+            **magnet,  # Older firmware has v_per_hz in place of Kv; then --config gives kv or K_t.
         },
         "drive": drive,
     }

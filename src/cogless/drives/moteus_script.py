@@ -92,7 +92,7 @@ if __name__ == "__main__":
 
 
 def write_script(motions: Motions, configuration: Path | None) -> dict[str, str]:
-    """The script. Gear and encoder are those of the dump; without one the output is the rotor, encoder 0."""
+    """The script. Gear and encoder are those of the dump; without a dump: no gear, encoder 0."""
     dump = read_dump(configuration) if configuration is not None else None
     ratio = dump.ratio if dump is not None else 1.0
     source = dump.source if dump is not None else 0

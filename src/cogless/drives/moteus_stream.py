@@ -1,6 +1,6 @@
 """moteus's high-rate stream: records of a mark and one int16 for each set bit of `servo.emit_debug`.
 
-Read in utils/highrate_defs.py. The mask is not in the file: the dump has it, where it was stored.
+Read in utils/highrate_defs.py. The file does not have this mask. It is in the dump, if the drive stored it.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ STREAM_SUFFIX = ".bin"
 RECORD_MARK = 0x5A
 INT16_MOST = 32767
 MASK_BITS = 32
-STREAM_RATE = 5000.0  # Hz, to which rows are averaged
+STREAM_RATE = 5000.0  # Hz, rate of rows after averaging
 VELOCITY_BIT, D_BIT, Q_BIT, RAW_BIT = 1, 2, 3, 11
-RAW_COUNTS = 1 << 16  # at which a raw count wraps
+RAW_COUNTS = 1 << 16  # counts after which a raw count wraps
 SYNC_RECORDS = 8  # marks in a row that make sure that a record begins there
 
 
 def read_stream(path: Path, dump: Dump) -> tuple[dict[str, Array], Array | None]:
-    """Columns as those of servo_stats with the time from the start, and the index's angle in counts.
+    """Columns as in servo_stats, with the time from the start, and the angle of the table's index, counts.
 
-    The index is None where the encoder's own offset, sign or compensation lies between raw counts and it.
+    The index is None if the encoder's own offset, sign or compensation makes it differ from raw counts.
     StudyError: the dump's mask lacks a value, or the file has no such records.
     """
     mask = int(dump.number("servo.emit_debug", "the bits with which the stream was recorded"))
@@ -66,13 +66,13 @@ def read_stream(path: Path, dump: Dump) -> tuple[dict[str, Array], Array | None]
 
 
 def _averaged(column: Array, together: int) -> Array:
-    """Means of so many rows."""
+    """Means of `together` rows each."""
     rows = len(column) // together * together
     return np.asarray(column[:rows].reshape(-1, together).mean(axis=1))
 
 
 def _records(path: Path, count: int) -> Array:
-    """The numbers of the longest stretch of whole records, a row each. StudyError: there is none."""
+    """The numbers of the longest stretch of whole records, a row a record. StudyError: there is none."""
     with readable(path, "stream"):
         no_device(path)
         raw = path.read_bytes()

@@ -38,8 +38,8 @@ from cogless.results.trace import Array
 CONFIG_HINT = "the JSON of odrivetool backup-config"
 MAP_CELLS = 3600
 COUNTS_A_LINE = 4
-CONTROL_RATE = 8000.0  # Hz, of control cycles; high-rate captures may count them
-NANOSECONDS_LEAST = 1000.0  # apart; captures that count cycles have less
+CONTROL_RATE = 8000.0  # Hz, rate of control cycles, which high-rate captures may count
+NANOSECONDS_LEAST = 1000.0  # ns between rows, at least; captures that count cycles have smaller steps
 PATH_PATTERN = re.compile(r"(?:odrv\w*\.)?(?:axis(?P<axis>\d)\.)?(?P<rest>.+)")
 TIME_HEADINGS = ("t", "time", "timestamp", "timestamps")
 # Paths below the axis, of 0.5 and then 0.6: the signal, and the factor to SI.
@@ -59,7 +59,7 @@ BUS_PATH = "vbus_voltage"
 # Paths below the axis, of 0.5 and then 0.6, that are not zero after a fault.
 FAULT_PATHS = ("error", "motor.error", "encoder.error", "controller.error", "active_errors", "disarm_reason")
 STATE_PATH, CLOSED_LOOP = "current_state", 8
-# Of the controller and the encoder's filter, by the argument of firmware_laws.Odrive.
+# Argument of firmware_laws.Odrive -> path of its value below the axis.
 LOOP_PATHS = {
     "pos_gain": "controller.config.pos_gain",
     "vel_gain": "controller.config.vel_gain",
@@ -78,7 +78,7 @@ class Configuration:
     axis: str
 
     def number(self, names: Sequence[str], expected: str) -> float:
-        """The value at the first path of an axis that is there. StudyError: none, or no number above 0."""
+        """The value at the first of these paths that the file has. StudyError: none, or no number above 0."""
         paths = [f"axis{self.axis}.{name}" for name in names]
         path = next((path for path in paths if path in self.values), None)
         if path is None:
@@ -107,7 +107,7 @@ class Configuration:
 
 
 def read_configuration(path: Path, axis: str) -> Configuration:
-    """Read the file. StudyError: it is no such one."""
+    """Read a configuration. StudyError: the file is none."""
     try:
         contents = json.loads(text_of(path, CONFIG_HINT))
     except ValueError:
@@ -126,7 +126,7 @@ def _flat(tables: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
 
 
 def tables(configuration: Configuration, bus_voltage: float) -> dict[str, dict[str, Any]]:
-    """[motor] and [drive] as the configuration tells them."""
+    """[motor] and [drive] as the configuration gives them."""
 
     def number(name: str, expected: str, *others: str) -> float:
         return configuration.number([f"motor.config.{name}", f"config.motor.{name}", *others], expected)
@@ -160,7 +160,7 @@ def tables(configuration: Configuration, bus_voltage: float) -> dict[str, dict[s
 
 
 def gains(configuration: Configuration) -> dict[str, float]:
-    """What the controller does, as `firmware_laws.Odrive` takes it; empty: the file doesn't tell."""
+    """The controller's gains, as `firmware_laws.Odrive` takes them; empty: the file lacks some."""
     prefix = f"axis{configuration.axis}."
     values = {name: configuration.values.get(prefix + path) for name, path in LOOP_PATHS.items()}
     numbers = {name: float(x) for name, x in values.items() if isinstance(x, int | float) and x >= 0}
@@ -180,7 +180,7 @@ def recognise(first: Sequence[str]) -> str:
 
 
 def _firmware(headings: Sequence[str]) -> str:
-    """Which firmware has paths such as these."""
+    """The firmware that has such paths, "0.5" or "0.6"."""
     old = any(rest.startswith("encoder.") for _, rest in _paths(headings).values())
     return "0.5" if old else "0.6"
 
@@ -225,7 +225,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
 
 
 def _capture(path: Path) -> tuple[Recording, str, float, list[str]]:
-    """A log in SI units, its axis, its bus voltage or 0, and what was taken for granted."""
+    """A log in SI units, its axis, its bus voltage or 0, and remarks."""
     headings = read(path, [])[0].headings
     times = [heading for heading in headings if heading.strip().lower() in TIME_HEADINGS]
     columns = {
@@ -282,7 +282,7 @@ def _seconds(path: Path, heading: str, times: Array) -> tuple[Array, list[str]]:
 def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
     """The map of firmware 0.5: get_anticogging_value(i) for i = 0 ... 3599, N m, a JSON list or a line each.
 
-    Value i was measured at i / 3600 of a turn, from one side only: half the friction is in its mean.
+    Value i was measured at i / 3600 of a turn, from one side only: half the friction is in the values' mean.
     """
     if configuration is None:
         raise StudyError(

@@ -14,7 +14,7 @@ from cogless.identify.read_log import read
 from cogless.results.trace import Array
 
 ANGLE_HEADING, CURRENT_HEADING = "angle [deg]", "current [A]"
-TABLE_ROWS_LEAST, WAVE_ROWS = 360, 16
+TABLE_ROWS_LEAST, WAVE_ROWS = 360, 16  # rows in a table; in a wave of the highest order
 SPACING_TOLERANCE = 1e-3  # share of the spacing
 
 

@@ -92,7 +92,7 @@ def write_study(stage: Path, tables: dict[str, Any]) -> None:
 
 
 def place_law(stage: Path) -> None:
-    """Put the file of the laws beside the study, if there is one, which from now on names that copy."""
+    """Copy the file of the laws into a folder. If a study is there, it names this copy from now on."""
     shutil.copyfile(LAW_FILE, stage / LAW_FILE.name)
     path = stage / STUDY_NAME
     if path.is_file():

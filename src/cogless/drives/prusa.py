@@ -32,11 +32,11 @@ from cogless.printer.records import (
 )
 
 TABLE_POINTS = 1024
-PHASE_STEPS = 4096  # A turn has so many.
+PHASE_STEPS = 4096  # steps in a turn
 PHASE_STEP_MOST = 127
 PHASE_MOST = math.tau * PHASE_STEP_MOST / PHASE_STEPS  # rad; a larger shift wraps
 TABLE_ORDERS = 17
-PROBE_TURNS = 3  # runs with the probe turned by a third each
+PROBE_TURNS = 3  # runs with the probe, each time turned by a third
 MOVE_MARGIN = 0.2  # revolutions and s that M974 adds before its samples
 RUN_SAMPLES_LEAST = 200
 PRUSA_LOG = "the printer's output while it executes the file that --plan wrote"
@@ -181,7 +181,7 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
 def held_phase(correction: Orders) -> Numbers:
     """The shift that the firmware's table holds, rad, at even angles of an electrical turn.
 
-    C cuts to whole steps, towards zero, and keeps eight bits, so a larger shift has the other sign.
+    C cuts to whole steps, towards zero, and keeps eight bits, so a shift above PHASE_MOST changes sign.
     """
     u = math.tau / TABLE_POINTS * np.arange(TABLE_POINTS)
     steps = np.trunc(PHASE_STEPS / math.tau * phase_shift(correction, u)).astype(np.int64)
@@ -190,7 +190,7 @@ def held_phase(correction: Orders) -> Numbers:
 
 
 def _checked_share(correction: Correction) -> tuple[float, float]:
-    """What the table leaves, and the largest shift, rad. StudyError: it wraps, or has an order too high."""
+    """Share that the table leaves; largest shift, rad. StudyError: a shift wraps, or an order is too high."""
     u = math.tau / TABLE_POINTS * np.arange(TABLE_POINTS)
     before = after = largest = 0.0
     for direction in DIRECTIONS:

@@ -1,4 +1,4 @@
-"""All drives, the one that a log is of, and its logs as identify takes them."""
+"""All drives; the drive that made a log; a drive's logs as identify takes them."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ ADAPTERS: dict[str, Adapter] = {
     )
 }
 LOGS_NAME = "logs.toml"  # stands beside the script of a plan
-FIRST_BYTES = 1 << 14  # of a file, in which its heading is
-OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
+FIRST_BYTES = 1 << 14  # bytes of a file, among which its heading is
+OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # tables that --config may have
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def _can(drive: Adapter, option: str) -> bool:
 
 
 def able_drives(option: str) -> str:
-    """The drives that an option can have."""
+    """The names of the drives that an option can have, as text."""
     return ", ".join(name for name, drive in ADAPTERS.items() if _can(drive, option))
 
 
@@ -84,7 +84,7 @@ def adapter_named(name: str, option: str) -> Adapter:
 
 
 def recognised(path: Path) -> tuple[Adapter, str] | None:
-    """The drive whose log a file is by its first lines, and which log; None: no drive's."""
+    """The drive that made a log, by the log's first lines, and the kind of log; None: no known drive."""
     lines = first_lines(path)
     for adapter in ADAPTERS.values():
         kind = adapter.recognise(lines) if adapter.recognise is not None else ""
@@ -146,7 +146,7 @@ def own_law(drive: str, configuration: Path | None) -> dict[str, Any]:
 
 
 def _log_rules(speeds: Mapping[str, Sequence[tuple[float, float]]], pattern: str) -> str:
-    """What is known of the logs that a script records, as the file of --config: the reference of each."""
+    """The file of --config for the logs that a script records: it has the reference of each log."""
     lines = ["# What the script asks for: identify plays these logs with the drive's own law."]
     for number, (name, points) in enumerate(speeds.items()):
         profile = [[f"{t:.6g} s", f"{speed:.6g} rad/s"] for t, speed in ramped(points)]
@@ -162,7 +162,7 @@ def _log_rules(speeds: Mapping[str, Sequence[tuple[float, float]]], pattern: str
 def prepare(
     paths: Sequence[Path], drive: str | None, configuration: Path | None, columns: Path | None
 ) -> Prepared:
-    """Read a drive's logs. `drive`: its name, or None to guess it. `columns`: more tables.
+    """Read a drive's logs. `drive`: its name, or None to guess it. `columns`: the file of --config.
 
     StudyError: a file that can't be used, or what is lacking.
     """
@@ -224,9 +224,9 @@ def prepare(
 
 
 def _merged(logs: DriveLogs, columns: Path | None, adapter: Adapter) -> dict[str, Any]:
-    """The tables of a file of columns: those of the drive, over them what the user's file says.
+    """The tables of a file of columns: the drive's, replaced by the user's where his file has them.
 
-    Where that file knows the reference of a log and no controller, the drive's own law was in the loop.
+    If his file has the reference of a log and no controller, the controller is the drive's own law.
     """
     tables, recordings = logs.tables, logs.recordings
     own = {} if columns is None else read(columns)

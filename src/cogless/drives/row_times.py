@@ -13,15 +13,15 @@ BUNCH_ROWS = 10  # rows that may arrive together
 RATE_SPREAD = (
     0.01  # share by which the slope over all rows may differ from the period: beyond it, rows are lost
 )
-CHANNEL_LAG = 2e-3  # s, by which one channel's stamps may be later than the other's where no log tells it
+CHANNEL_LAG = 2e-3  # s, lag between the stamps of two channels that is possible if the log does not show it
 
 
 def sent_times(stamps: Array) -> Array:
     """Times at which a drive sent rows, each a whole number of milliseconds after the one before.
 
-    A PC stamps a row when it arrives: late by milliseconds, never early, some rows together. So the earliest
-    stamp still to come bounds the time of each row. Rows are lost where that bound moves up by whole
-    periods. The drive's clock is the line below all stamps that is nearest to them.
+    A PC stamps a row when it arrives: late by milliseconds, never early, some rows together. So each row's
+    time is bounded by the earliest stamp of this row and all later ones. Rows are lost where that bound
+    moves up by whole periods. The drive's clock is the line below all stamps that is nearest to them.
     """
     count = len(stamps)
     if count <= 2 * BUNCH_ROWS:
@@ -40,7 +40,7 @@ def sent_times(stamps: Array) -> Array:
 
 
 def _line_below(x: Array, y: Array) -> tuple[float, float]:
-    """Slope and start of the line that no point lies below and to which all are nearest in sum."""
+    """Slope and start of the line below all points that has the least sum of distances to them."""
     hull: list[int] = []
     for k in range(len(x)):
         while len(hull) > 1:
@@ -58,7 +58,7 @@ def _line_below(x: Array, y: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Overlay:
-    """Where one channel's angle lies over another's: `offset` with its error at 95 %, rad; `direction`."""
+    """How two channels' angles differ: direction * other = angle + offset. `error`: at 95 %, rad."""
 
     direction: int
     offset: float
@@ -69,9 +69,9 @@ class Overlay:
 def overlay(t: Array, angle: Array, t_other: Array, other: Array) -> Overlay | None:
     """Lay `other`, an angle within a turn, over `angle`: direction * other = angle + offset.
 
-    None: they don't fit. Each has its own stamps. A lag between the channels moves the angle in proportion to
-    the speed, so both the offset and the lag are fitted; at one speed they look alike, and the lag's usual
-    size is in the error.
+    None: the angles do not fit. Each has its own stamps. A lag between the channels moves the angle
+    in proportion to the speed, so both the offset and the lag are fitted; at one speed they look alike, and
+    the lag's usual size is in the error.
     """
     inside = (t_other >= t[0]) & (t_other <= t[-1])
     t_other, other = t_other[inside], other[inside]

@@ -6,7 +6,7 @@ import math
 
 from cogless.drives.adapter import RAMP_TIME, Motions, ramped
 
-SPEED_MARGIN = 1.5  # times the highest speed of the motions, at which a script stops the motor
+SPEED_MARGIN = 1.5  # speed at which a script stops the motor / highest speed of the motions
 
 MOTIONS_TEXT = '''\
 # Speeds of the output, turns/s over s, with straight lines between.
@@ -35,7 +35,7 @@ def describe():
 
 
 def motions_text(motions: Motions, ratio: float, limit: str, unit: str) -> str:
-    """The part of a script. `ratio`: turns of the output for one of the rotor; `limit`: a constant's name."""
+    """The shared part of a script. `ratio`: turns of output / rotor. `limit`: a constant's name."""
     speeds = {
         name: [(t, speed * ratio / math.tau) for t, speed in ramped(points)]
         for name, points in motions.speeds.items()

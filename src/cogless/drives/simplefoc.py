@@ -1,8 +1,8 @@
 """SimpleFOC: the lines of its monitor, and a header with a cogging table for its feed-forward.
 
 Read in its source (simplefoc/Arduino-FOC, 7f9c45f). The monitor has no heading and no time, and its currents
-are in mA, so a small file says which columns it prints and how far apart. The table's index is
-`motor.shaft_angle`.
+are in mA. So a small file says which columns the monitor prints, and the time between its lines. The table's
+index is `motor.shaft_angle`.
 """
 
 from __future__ import annotations
@@ -52,15 +52,15 @@ MONITOR_SIGNALS: dict[str, tuple[str, float]] = {
     "part": ("part", 1.0),
 }
 SENSOR_HINT = 'sensor_direction = 1 or -1 (CW or CCW) and sensor_offset, such as "0 rad", of the motor'
-# Of the sketch's speed loop, by the library's name: A s/rad, A/rad, A s^2/rad, A/s, s.
+# Numbers of the sketch's speed loop, by the library's names. Units: A s/rad, A/rad, A s^2/rad, A/s; s.
 LOOP_NAMES = {"PID_velocity": ("P", "I", "D", "output_ramp"), "LPF_velocity": ("Tf",)}
 NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
 MONITOR_LINE = re.compile(r"\D{0,3}[-+\d.]+(\t[-+\d.]+)+\t?\D{0,3}")
 START_LINE = re.compile(r"[A-Z]{3}:")  # what the library prints at its start, such as "MOT: Ready."
 RECOGNISED_LINES = 10
-CURRENT_LEAST = 0.01  # A, in a log at its most: less is a voltage, or in another unit
+CURRENT_LEAST = 0.01  # A, largest current of a log, at least: less is a voltage, or has another unit
 SPOILT_SHARE_MOST = 0.05  # lines of another form that a log may have
-MICROS_WRAP = 2**32  # microseconds, at which the processor's counter begins anew
+MICROS_WRAP = 2**32  # microseconds after which the processor's counter begins anew
 
 INTRODUCTION_TEXT = """\
 // Cogging feed-forward for SimpleFOC, by cogless. Angles are those of motor.shaft_angle.
@@ -125,7 +125,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
 
 
 def _gains(path: Path, tables: dict[str, Any]) -> dict[str, float]:
-    """What the speed loop does, as `firmware_laws.SimpleFoc` takes it; empty: the file doesn't say."""
+    """The gains of the speed loop, as `firmware_laws.SimpleFoc` takes them; empty: the file lacks them."""
     gains: dict[str, float] = {}
     for table, names in LOOP_NAMES.items():
         numbers = tables.get(table, {})
@@ -141,9 +141,9 @@ def _gains(path: Path, tables: dict[str, Any]) -> dict[str, float]:
 
 
 def _sensor(path: Path, tables: dict[str, Any]) -> tuple[int, float]:
-    """How the sensor's angle lies to the motor's, whose angle is direction * sensor - offset.
+    """The sensor's direction, and its angle where the motor's angle is zero, rad.
 
-    The direction, and the sensor's angle where the motor's is zero, rad; 0, 0: the file doesn't say.
+    The motor's angle is direction * sensor - offset. 0, 0: the file does not give them.
     """
     direction, text = tables.get("sensor_direction"), tables.get("sensor_offset")
     if direction is None and text is None:
@@ -173,7 +173,7 @@ def _monitor(path: Path, tables: dict[str, Any]) -> list[str]:
 
 
 def _period(path: Path, tables: dict[str, Any]) -> float | None:
-    """Time between the monitor's lines, s; None: each has its time."""
+    """Time between the monitor's lines, s; None: each line has its time."""
     text = tables.get("row_period")
     if ("time_us" in tables["monitor"]) == (text is not None):
         raise StudyError(

@@ -1,7 +1,7 @@
 """VESC: the log of real-time data that VESC Tool writes, and the motor configuration as XML.
 
-Read in its source (vedderb/vesc_tool 426a4f8, vedderb/bldc b9d287b). A row's currents are means since the row
-before, its angle and speed are of the moment, so each mean is laid over the middle between two rows.
+Read in its source (vedderb/vesc_tool 426a4f8, vedderb/bldc b9d287b). A row has mean currents since the
+row before, but angle and speed of its own moment. So each mean is placed in the middle between two rows.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LOG_HEADINGS = (
     "input_voltage",
 )
 LOG_ROWS_LEAST = 3
-ANGLE_DIVISION_SLACK = 0.02  # of p_pid_ang_div, which the firmware takes as 1
+ANGLE_DIVISION_SLACK = 0.02  # p_pid_ang_div may differ from 1 by this; the firmware takes it as 1
 ANGLE_AGREEMENT = (
     0.3  # rad rms by which the encoder's angle may differ from the integrated speed within a row
 )
@@ -58,7 +58,7 @@ class MotorXml:
     root: ElementTree.Element
 
     def number(self, names: Sequence[str], expected: str, zero: bool = False) -> float:
-        """The number in the first of these elements. StudyError: none is there, or it is not above zero."""
+        """The number in the first of these elements that there is. StudyError: none, or not above zero."""
         element = next((e for name in names if (e := self.root.find(f".//{name}")) is not None), None)
         if element is None:
             raise StudyError(f"{self.path}: {' or '.join(names)}: missing: expected {expected}")
@@ -73,7 +73,7 @@ class MotorXml:
 
 
 def read_xml(path: Path) -> MotorXml:
-    """Read the file. StudyError: it is no such one."""
+    """Read a motor configuration. StudyError: the file is none."""
     text = text_of(path, XML_HINT)
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise StudyError(f"{path}: it defines entities: expected {XML_HINT}")
@@ -91,7 +91,7 @@ def pole_pairs(motor: MotorXml) -> int:
 
 
 def tables(motor: MotorXml, bus_voltage: float) -> dict[str, dict[str, Any]]:
-    """[motor] and [drive] as the configuration tells them."""
+    """[motor] and [drive] as the configuration gives them."""
     inductance = motor.number(["foc_motor_l"], "the inductance of a measured motor")
     rate = f"{motor.number(['foc_f_zv', 'foc_f_sw'], 'a rate above zero'):.0f} Hz"
     limit = motor.number(["l_current_max"], "a current above zero")
@@ -117,7 +117,7 @@ def tables(motor: MotorXml, bus_voltage: float) -> dict[str, dict[str, Any]]:
 
 
 def _number_or(motor: MotorXml, name: str, default: float) -> float:
-    """A number of the configuration, which older files lack."""
+    """A number of the configuration; `default`, if the file is older and lacks it."""
     try:
         value = float(motor.root.findtext(f".//{name}", ""))
     except ValueError:
@@ -126,9 +126,9 @@ def _number_or(motor: MotorXml, name: str, default: float) -> float:
 
 
 def table_frame(motor: MotorXml, turns: bool) -> TableFrame:
-    """The frame of the encoder's table. `turns`: the logs have its angle, which counts with the speed.
+    """The frame of the encoder's table. `turns`: in the logs the encoder's angle turns.
 
-    The logged position is the encoder's, turned by `m_invert_direction`, less `p_pid_offset`.
+    The logged position is the encoder's angle, reversed by `m_invert_direction`, less `p_pid_offset`.
     """
     lacking = ""
     if not turns:
@@ -186,7 +186,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
 
 
 def _whole_rows(path: Path, columns: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """The rows that have all numbers, and what is said of others."""
+    """The rows that have all numbers, and a remark if others are left out."""
     whole = ~np.any(np.isnan(np.stack(list(columns.values()))), axis=0)
     lost = int(np.sum(~whole))
     lines = [f"{path.name}: {lost} rows lack a number and are left out."] if lost else []
@@ -196,7 +196,7 @@ def _whole_rows(path: Path, columns: Mapping[str, Array]) -> tuple[dict[str, Arr
 def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[str, Array], bool, list[str]]:
     """Signals at the middles between the rows, where the mean currents belong.
 
-    Also whether their angle is the encoder's, and remarks.
+    It also returns whether the angle is the encoder's, and remarks.
     """
     t = 1e-3 * np.unwrap(columns[TIME_HEADING], period=DAY_MILLISECONDS)
     steps = np.diff(t)

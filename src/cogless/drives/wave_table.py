@@ -1,9 +1,9 @@
 """Trinamic's wave table: a quarter of a sine, by bits that choose between two slopes, in up to four segments.
 
 By the TMC5160's datasheet and Klipper's configuration reference. Bit i says the step from entry i to i + 1;
-where entry i + 1 lies in a segment of width control W, the step is W - 1, or W if the bit is set. The default
-table ends at its own START_SIN90 in this reading alone. Both coils take the same quarter, mirrored, so the
-table can shift the angle by sin 4u and its multiples alone, and for both directions alike.
+where entry i + 1 lies in a segment of width control W, the step is W - 1, or W if the bit is set. Only
+with this reading does the default table end at its own START_SIN90. Both coils take the same quarter, one of
+them mirrored. So the table can shift the angle only by sin 4u, sin 8u and so on, in both directions alike.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ WORD_BITS = 32
 SEGMENTS_MOST = 4
 WIDTHS = (0, 1, 2, 3)
 WAVE_ENTRY_MOST = 255
-WAVE_AMPLITUDE = 247.0  # The default table has it, too.
-TABLE_ORDER = 4  # the lowest that a quarter can hold
+WAVE_AMPLITUDE = 247.0  # amplitude of the default table, too
+TABLE_ORDER = 4  # lowest order that a quarter can hold
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class WaveTable:
     start_90: int
 
     def entries(self) -> Numbers:
-        """The quarter that the driver makes of them, from 0 to 90 deg, both with."""
+        """The quarter wave that the driver makes of the registers, from 0 to 90 deg, both included."""
         values = [self.start]
         for i in range(QUARTER_ENTRIES):
             width = self.widths[sum(i + 1 >= border for border in self.borders)]
@@ -48,16 +48,16 @@ class WaveTable:
         return np.array(values, float)
 
     def phase(self) -> Numbers:
-        """By how much the currents' angle is ahead of the entry's, rad, over the quarter."""
+        """How far the currents' angle is ahead of each entry's angle, rad, over the quarter."""
         wave = self.entries()
         return np.asarray(np.arctan2(wave, wave[::-1]) - quarter_angles())
 
     def order_4(self) -> float:
-        """m of m sin 4u in it, rad."""
+        """The size of sin 4u in the phase, rad."""
         return float(2 * np.mean((self.phase() * np.sin(TABLE_ORDER * quarter_angles()))[1:]))
 
     def config_lines(self) -> list[str]:
-        """As Klipper's configuration takes them."""
+        """The registers as lines of Klipper's configuration."""
         names = [*(f"MSLUT{k}" for k in range(8)), *(f"W{k}" for k in range(4)), "X1", "X2", "X3"]
         values = [*self.words, *self.widths, *self.borders, self.start, self.start_90]
         names += ["START_SIN", "START_SIN90"]
@@ -82,21 +82,21 @@ def quarter_angles() -> Numbers:
 
 
 def encode(phase: Numbers) -> WaveTable:
-    """The table nearest to a wave whose angle is ahead by these, rad, over the quarter.
+    """The table nearest to a wave whose angle is ahead by `phase`, rad, over the quarter.
 
-    Dynamic programming over entry, value, segment and its width: squares of the current's error are least.
+    Dynamic programming over entry, value, segment and width finds the least squares of the current's error.
     """
     target = WAVE_AMPLITUDE * np.sin(quarter_angles() + phase)
     values = np.arange(WAVE_ENTRY_MOST + 1)
     shape = (SEGMENTS_MOST, len(WIDTHS), WAVE_ENTRY_MOST + 1)
     cost = np.full(shape, np.inf)
     cost[0] = (values - target[0]) ** 2
-    choices = np.empty((QUARTER_ENTRIES + 1, *shape, 3), np.int16)  # segment, width and value before
+    choices = np.empty((QUARTER_ENTRIES + 1, *shape, 3), np.int16)  # previous segment, width and value
     segments, widths = np.indices(shape[:2])
     for i in range(1, QUARTER_ENTRIES + 1):
         entered = np.full(shape, np.inf)
         source = np.empty((*shape, 2), np.int16)
-        # A step lies in the segment of the entry that it leads to, which may be the first of the next one.
+        # A step lies in the segment of the entry at its end. This entry may be the first of the next segment.
         entered[:] = cost
         source[..., 0], source[..., 1] = segments[..., None], widths[..., None]
         if 1 < i <= WAVE_ENTRY_MOST:
@@ -125,7 +125,7 @@ def encode(phase: Numbers) -> WaveTable:
 
 
 def _registers(cost: Numbers, choices: np.ndarray[tuple[int, ...], np.dtype[np.int16]]) -> WaveTable:
-    """Follow the cheapest way back."""
+    """The registers of the cheapest table: its choices are followed back from the last entry."""
     segment, width, value = (int(k) for k in np.unravel_index(int(np.argmin(cost)), cost.shape))
     entries, used = [value], []
     for i in range(QUARTER_ENTRIES, 0, -1):
@@ -150,13 +150,13 @@ def _registers(cost: Numbers, choices: np.ndarray[tuple[int, ...], np.dtype[np.i
 
 
 def with_order_4(size: float) -> WaveTable:
-    """The default table with size sin 4u more, rad."""
+    """The default table with `size` times sin 4u, rad, added to its phase."""
     shift = (DEFAULT_WAVE.order_4() + size) * np.sin(TABLE_ORDER * quarter_angles())
     return encode(np.asarray(shift))
 
 
 def write(correction: Correction, chip: str) -> CorrectionText:
-    """Klipper's lines of the table that holds what it can: the sine of order 4, both directions' mean."""
+    """Lines for Klipper: a table with the sine of order 4 alone, the mean of both directions."""
     orders = [correction.orders(name) for name in DIRECTIONS]
     size = float(np.mean([table.get(TABLE_ORDER, 0j).real for table in orders]))
     wave = with_order_4(size)

@@ -1,10 +1,10 @@
 """Run an arena: every law on every plant, in each of its cases.
 
-This module also says what happens in each case, and what is measured there.
+This module also defines what happens in each case, and what is measured there.
 
-In the first case the plant is as the laws are told, and there are a load's step and a fault. In three further
-cases the plant differs from what the laws are told. Some plants run for an hour, again as told, which shows
-what drifts.
+In the first case the plant is the one that the laws assume, and the run has a load's step and a fault. In
+three further cases the plant differs from what the laws assume. Some plants also run for an hour as assumed,
+which shows what drifts.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ TOLD_CASE, LATE, HEAVY, LIGHT, HOUR = "told", "late", "heavy", "light", "hour"
 RIPPLE_METRIC = "ripple_rad_s"  # a metric's name in results.json
 UNTOLD = (LATE, HEAVY, LIGHT)
 INERTIA_RATIOS = {HEAVY: 1.5, LIGHT: 0.5}  # true inertia over the inertia that the laws assume
-DROPOUT = "50 ms"  # without an angle
-HOUR_TIME, HOUR_END = 3600.0, 60.0  # s: the hour, and its end that is measured
-HOUR_TRACE_RATE = 20.0  # Hz, of the trace of an hour
-SLOW_TURNS = 1.1  # turns that the orders need with a law that is too slow
+DROPOUT = "50 ms"  # the fault lasts this long: no angle is measured
+HOUR_TIME, HOUR_END = 3600.0, 60.0  # s: the length of the run, and of the end that is measured
+HOUR_TRACE_RATE = 20.0  # Hz, rounded later: rate of the trace over the hour
+SLOW_TURNS = 1.1  # turns at the slowest speed that the window of the orders must cover
 
 
 def scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
-    """Tables of the scenarios: one as the laws are told, with step and fault, and three as they aren't."""
+    """Tables of the scenarios: the assumed plant with step and fault, and three plants that differ."""
     own = base.source.tables["scenario"][plant.scenario]
     taken = {key: own[key] for key in ("reference", "initial_speed", "load", "override") if key in own}
     if plant.reference is not None:
@@ -116,7 +116,7 @@ def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
 
 
 def learning(study: Study, law: str) -> Study:
-    """One law in TOLD_CASE until it has learned, without step and fault: the ripple that it leaves."""
+    """A study of one law's ripple: TOLD_CASE until the law has learned, without step and fault."""
     scenario = study.source.tables["scenario"][TOLD_CASE]
     end = scenario["events"][0]["time"]
     short = {key: value for key, value in scenario.items() if key not in ("events", "faults")}
@@ -130,10 +130,10 @@ def learning(study: Study, law: str) -> Study:
 
 
 def hour(study: Study) -> Study:
-    """An hour of TOLD_CASE without step and fault, and the ripple at its end."""
+    """A study of the ripple at the end of an hour: TOLD_CASE, longer, without step and fault."""
     scenario = study.source.tables["scenario"][TOLD_CASE]
     long = {key: value for key, value in scenario.items() if key not in ("events", "faults")}
-    # an odd divider: rows that don't return to the same angles, so that few of them tell an rms
+    # with an odd divider, the trace's rows don't return to the same angles: few rows give a good rms
     rate = study.drive.rates.current_loop / (
         2 * round(study.drive.rates.current_loop / HOUR_TRACE_RATE / 2) + 1
     )
@@ -146,7 +146,7 @@ def hour(study: Study) -> Study:
     return with_tables(study, tables)
 
 
-SEED_ANGLE_STEP = 137.508  # deg, from the first angle of one seed to that of the next
+SEED_ANGLE_STEP = 137.508  # deg, from one seed's initial angle to the next seed's
 
 ArenaProgress = Callable[[str, int], None]
 
@@ -164,7 +164,7 @@ class ArenaRun:
 
 @dataclass(frozen=True)
 class ArenaTrialRun:
-    """A finished run of trials. `metrics`: those with a number for each phase, by name and unit."""
+    """A finished run of trials. `metrics`: those with a number for each phase, by name in results.json."""
 
     trials: str
     law: str
@@ -176,16 +176,16 @@ class ArenaTrialRun:
 
 @dataclass(frozen=True)
 class ArenaResults:
-    """All runs of an arena, and why some laws weren't on some plants: (plant, law) -> reason."""
+    """All runs of an arena. `absent`: why a law was not run on a plant, by (plant, law)."""
 
     arena: Arena
     runs: Sequence[ArenaRun]
     absent: Mapping[tuple[str, str], str]
-    settings: Mapping[tuple[str, str], Mapping[str, Any]]  # numbers that the rule auto gave, SI
-    before: Mapping[tuple[str, str], float]  # s, of a run in which a table was learned before
+    settings: Mapping[tuple[str, str], Mapping[str, Any]]  # controllers' tables, with auto's numbers
+    before: Mapping[tuple[str, str], float]  # s, length of the run in which a table was learned
     trials: Sequence[ArenaTrialRun]
-    limits: Mapping[str, Limits]  # of the ripple of each plant's best law, with the first seed
-    interrupted: bool = False  # by Ctrl-C: what was not finished has no runs, plants and trials as a whole
+    limits: Mapping[str, Limits]  # by plant: what limits the ripple of its best law, first seed
+    interrupted: bool = False  # by Ctrl-C: an unfinished plant or study of trials has no runs
 
 
 def run_arena(
@@ -195,11 +195,12 @@ def run_arena(
     jobs: int = 1,
     find_limits: bool = False,
 ) -> ArenaResults:
-    """Run an arena, or the pairs PLANT/LAW of it that match `only`. `progress`: called with each plant.
+    """Run an arena, or only its pairs PLANT/LAW that match a pattern in `only`.
 
-    `find_limits`: find what limits the best law on each plant, by further runs. A law that has no numbers on
-    a plant, or fails there, is `absent` from it. Ctrl-C keeps the plants that are finished. StudyError: a
-    plant or a law that can't be prepared.
+    `progress`: called with each plant and the number of plants before it. `find_limits`: find what limits the
+    best law on each plant, by further runs. A law is `absent` from a plant if the rule auto has no numbers
+    for it there, or if a run fails. Ctrl-C keeps the plants that are finished. StudyError: a plant or a law
+    can't be prepared.
     """
     runs: list[ArenaRun] = []
     absent: dict[tuple[str, str], str] = {}
@@ -256,7 +257,7 @@ def run_arena(
 
 
 def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: int) -> dict[str, Limits]:
-    """What limits the law that leaves least ripple on a plant, with the mean over seeds; none if none ran."""
+    """By plant: what limits the law with the least mean ripple over seeds; empty if no law ran."""
     ripples: dict[str, list[float]] = {}
     for run in runs:
         value = run.metrics.get(RIPPLE_METRIC) if (run.plant, run.case) == (plant, TOLD_CASE) else None
@@ -272,7 +273,7 @@ def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: in
 
 
 def _trials(arena: Arena, name: str, jobs: int) -> list[ArenaTrialRun]:
-    """All controllers of a study of trials, with each seed."""
+    """Run all controllers of a study of trials, with each seed."""
     trials = arena.trials[name]
     path = find(trials.study, "studies", "study", arena.path.parent, f"{arena.path}: trials.{name}.study: ")
     refusal = f"{arena.path}: trials.{name}.study: expected a study of trials"
@@ -317,7 +318,7 @@ def chosen(arena: Arena, only: Sequence[str] | None) -> dict[str, list[str]]:
 
 
 def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[str, str]]:
-    """The study of a plant with these laws, and the reasons why others of them stay away."""
+    """The study of a plant with those of these laws that can run, and by law why another can't."""
     plant = arena.plant[name]
     path = find(plant.study, "studies", "study", arena.path.parent, f"{arena.path}: plant.{name}.study: ")
     refusal = f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected'
@@ -347,7 +348,7 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
 
 
 def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]:
-    """The study with the numbers of the rule auto; a law for which there are none leaves it."""
+    """The study with the numbers of the rule auto, without the laws that have none; and why, by law."""
     changes: dict[str, Any] = {}
     lost = {}
     for name in missing(study):
@@ -369,7 +370,7 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
 
 
 def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | None:
-    """A law's table for a plant; None if the plant's feedback is by hand and the law has another."""
+    """A law's table for a plant; None if the plant gives a feedback by hand that the law can't use."""
     table, law = dict(arena.laws[name]), arena.law[name]
     if law.learns and "learning_start" in type(law).model_fields:
         table = {"learning_start": f"{plant.begin!r} s", **table}
@@ -377,13 +378,13 @@ def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | 
         return table
     if not law.has_pi or law.holds_position or not law.is_auto:
         return None
-    if "phase_margin" in table["tuning"]:  # a feedback of its own
+    if "phase_margin" in table["tuning"]:  # the law asks for a feedback of its own
         return None
     return table | plant.feedback.model_dump()
 
 
 def _seeded(study: Study, seed: int) -> Study:
-    """The study with other noise, and another angle to begin at."""
+    """The study with this seed of the noise, and with an initial angle that depends on the seed."""
     angle = f"{SEED_ANGLE_STEP * seed % 360!r} deg"
     return changed(
         study, {"seed": seed} | {f"scenario.{case}.initial_angle": angle for case in study.scenario}
@@ -391,10 +392,10 @@ def _seeded(study: Study, seed: int) -> Study:
 
 
 def _rolled(studies: Sequence[AnyStudy], jobs: int) -> list[AnyResults]:
-    """The results of all studies, without the runs that fail. KeyboardInterrupt: not all are made."""
+    """The results of all studies, without the runs that fail. KeyboardInterrupt: Ctrl-C ended a run."""
     try:
         results = rollout(studies, jobs=jobs, keep_traces=False)
-    except RunError as error:  # of a law that fails; all others are finished
+    except RunError as error:  # a law fails; all other runs are finished
         return error.all_results
     if any(result.interrupted for result in results):
         raise KeyboardInterrupt

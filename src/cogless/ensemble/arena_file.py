@@ -1,4 +1,4 @@
-"""An arena: plants of other studies, and the laws that meet on each of them, by one line each."""
+"""The file of an arena: plants that are taken from studies, and the laws that compete on each plant."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ USERS = ("object", "library")  # keys that name a user's file
 
 
 class GivenFeedback(Table):
-    """A speed PI by hand, for a plant whose feedback no rule gives."""
+    """Gains of a speed PI, chosen by hand for a plant for which no rule gives them."""
 
     kp: SpeedGain  # A*s/rad
     ki: SpeedIntegralGain  # A/rad
@@ -38,18 +38,18 @@ class ArenaPlant(Table):
     study: str  # a shipped one, or a path relative to the arena's file
     scenario: str
     about: Line = ""
-    changes: dict[str, Any] = Field(default={})  # values by dotted key, which the laws know, too
-    reference: Any = None  # instead of the scenario's
-    feedback: GivenFeedback | None = None  # instead of each law's own; laws without a PI stay away
+    changes: dict[str, Any] = Field(default={})  # study's values by dotted key; the laws know them, too
+    reference: Any = None  # replaces the scenario's reference
+    feedback: GivenFeedback | None = None  # replaces each law's own; a law without a PI doesn't run
     begin: Duration  # s, from the start until learning begins
-    learn: Duration  # s, from then until the load's step
-    window: Duration  # s, at the end of it, in which ripple, loss and chattering are measured
-    hold: Duration  # s, that the step lasts, and then the time until a fault, and from it to the end
-    load: Torque  # N*m, the step
+    learn: Duration  # s, from `begin` until the load's step
+    window: Duration  # s, end of `learn`: ripple, loss and chattering are measured in it
+    hold: Duration  # s, from the step to its end, from there to a fault, and from there to the run's end
+    load: Torque  # N*m, height of the step
     smooth: Duration  # s, a period of the strongest ripple: the response to the step is averaged over it
-    band: AngularSpeedMagnitude  # rad/s, in which the response has settled
+    band: AngularSpeedMagnitude  # rad/s, the response has settled when it stays within this
     hour: bool = False  # also run it for an hour
-    target: AngularSpeedMagnitude  # rad/s, rms of the speed error with which it counts as learned
+    target: AngularSpeedMagnitude  # rad/s, rms of the speed error below which a law has learned
 
     @field_validator("changes")
     @classmethod
@@ -64,11 +64,11 @@ class ArenaPlant(Table):
 
 
 class ArenaTrials(Table):
-    """A study of trials, whose own controllers meet in its scenarios."""
+    """A study of trials; its own controllers compete in its scenarios."""
 
     study: str  # a shipped one, or a path relative to the arena's file
     about: Line = ""
-    changes: dict[str, Any] = Field(default={})  # of the study, by dotted key
+    changes: dict[str, Any] = Field(default={})  # study's values by dotted key
 
     @field_validator("changes")
     @classmethod
@@ -81,7 +81,7 @@ class Arena(Table):
 
     title: Line
     description: str = ""
-    seeds: Many[Annotated[int, Field(ge=0, lt=2**32)]] = (0,)  # of sensors' noise, and of the first angle
+    seeds: Many[Annotated[int, Field(ge=0, lt=2**32)]] = (0,)  # give noise and initial angle
     plant: Annotated[dict[str, ArenaPlant], Field(min_length=1)]
     law: Annotated[dict[str, Controller], Field(min_length=1)]
     trials: dict[str, ArenaTrials] = Field(default={})
@@ -106,21 +106,21 @@ class Arena(Table):
 
     @property
     def laws(self) -> dict[str, dict[str, Any]]:
-        """The laws as in the file, with what they name by path found from anywhere."""
+        """The laws' tables as in the file, with absolute paths of the users' files that they name."""
         return {
             name: {key: self.user_file(value) if key in USERS else value for key, value in table.items()}
             for name, table in self._laws.items()
         }
 
     def user_file(self, path: str) -> str:
-        """A user's file, which is beside the arena's, or else where the command runs."""
+        """A user's file as an absolute path: from the arena's folder, or else from where the command runs."""
         path_here = self._path.parent.resolve() / path
         exists = Path(str(path_here).rpartition(":")[0] or path_here).exists()
         return str(path_here if exists else Path(path).resolve())
 
     @property
     def bar(self) -> str:
-        """Name of the law by which all are measured."""
+        """Name of the law by which all laws are measured."""
         return next(name for name, law in self.law.items() if law.baseline)
 
     def label(self, law: str) -> str:

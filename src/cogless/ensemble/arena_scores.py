@@ -2,7 +2,7 @@
 
 The reference law is called the bar. A law's score in a column is the geometric mean over plants of its value
 divided by the bar's. Each value is the mean over seeds. A plant on which a law was not run does not count in
-its score; `met` is the number of plants on which it ran.
+that law's score; `met` is the number of plants on which the law ran.
 
 This module also writes results.json and builds the table for the terminal.
 """
@@ -27,23 +27,23 @@ from cogless.units import RPM
 if TYPE_CHECKING:
     from rich.table import Table
 
-Content = Mapping[str, Any]  # results.json, read
-LEAST_TIME = 1e-3  # s; shorter ones count as this
-EVEN_RATIO = 1.02  # a law is as good as the best up to this ratio
+Content = Mapping[str, Any]  # the content of results.json
+LEAST_TIME = 1e-3  # s; a shorter time counts as this
+EVEN_RATIO = 1.02  # a law counts as equal to the best up to this ratio of their values
 
 
 @dataclass(frozen=True)
 class Column:
     """A column of the arena.
 
-    `metric`: its name in results.json; amplitudes of several orders count as their rms together. `cases`: the
-    worst of them counts. `never`: the plant's key whose time counts where it is never reached.
+    `metric`: name in results.json; amplitudes of several orders count as one rms. `cases`: the worst value
+    over these cases counts. `never`: the plant's key whose time counts if an event never occurs.
     """
 
     title: str
     metric: str
     unit: str
-    scale: float  # the unit in SI
+    scale: float  # one unit in SI
     cases: tuple[str, ...] = (TOLD_CASE,)
     never: str | None = None
 
@@ -96,7 +96,7 @@ class Scores:
         return str(self.content["laws"][law]["label"])
 
     def of_seed(self, column: str, plant: str, law: str, seed: int) -> float | None:
-        """A law's value on a plant, SI. Infinite: never reached, or not finite. None: it wasn't run."""
+        """A law's value on a plant, SI. Infinite: never reached, or not finite. None: the law wasn't run."""
         definition = SCORE_COLUMNS[column]
         values = []
         for case in definition.cases:
@@ -108,7 +108,7 @@ class Scores:
         return max(values)
 
     def value(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
-        """A law's value on a plant as the mean over seeds; infinite if it is in any of them."""
+        """A law's value on a plant as the mean over seeds; infinite if any seed's value is infinite."""
         first = SCORE_COLUMNS[column].cases[0]
         run = {seed for where, case, _, seed in self._values if (where, case) == (plant, first)}
         of_seeds = [
@@ -122,7 +122,7 @@ class Scores:
     def ratio(self, column: str, plant: str, law: str) -> float | None:
         """A law's value over the bar's; None if either wasn't run.
 
-        What is never reached counts as the time that there was.
+        A time that is never reached counts as the time that was available.
         """
         of = (self.value(column, plant, name) for name in (law, self.bar))
         counts = [None if value is None else self._counted(column, plant, value) for value in of]
@@ -135,12 +135,12 @@ class Scores:
         return value
 
     def met(self, law: str) -> int:
-        """The number of plants that a law was on."""
+        """The number of plants on which a law was run."""
         return sum(self.value("ripple", plant, law) is not None for plant in self.plants)
 
     @property
     def barless(self) -> list[str]:
-        """The plants on which laws were but the bar wasn't: they are in no score."""
+        """The plants on which some law was run but the bar was not: they count in no score."""
         on = [p for p in self.plants if any(self.value("ripple", p, law) is not None for law in self.laws)]
         return [p for p in on if self.value("ripple", p, self.bar) is None]
 
@@ -149,27 +149,27 @@ class Scores:
         return "no bar" if any(self.value(column, p, law) is not None for p in self.plants) else "not run"
 
     def score(self, column: str, law: str) -> float | None:
-        """Geometric mean of the ratios over plants; infinite if one is; None if it was on none."""
+        """Geometric mean of the ratios over plants; infinite if a ratio is; None if there is no ratio."""
         ratios = [r for p in self.plants if (r := self.ratio(column, p, law)) is not None]
         if not ratios or math.inf in ratios:
             return math.inf if ratios else None
         return math.exp(sum(math.log(max(r, 1e-9)) for r in ratios) / len(ratios))
 
     def best(self, value: Callable[[str], float | None], among: Sequence[str] | None = None) -> list[str]:
-        """The laws whose value is the least, with those that are as good; the best first."""
+        """The laws whose value is at most EVEN_RATIO times the least one; the best first."""
         values = {law: v for law in (among or self.laws) if (v := value(law)) is not None and v < math.inf}
         order = sorted(values, key=lambda law: values[law])
         return [law for law in order if values[law] <= EVEN_RATIO * values[order[0]]]
 
     def winners(self, column: str) -> list[str]:
-        """The laws with the best score of a column, of those that have it wherever the bar has."""
+        """The laws with the best score of a column. Each has a value on every plant where the bar has one."""
         plants = [p for p in self.plants if self.value(column, p, self.bar) is not None]
         everywhere = [law for law in self.laws if all(self.value(column, p, law) is not None for p in plants)]
         return self.best(lambda law: self.score(column, law), everywhere)
 
 
 def _number(value: float | list[float | None] | None) -> float:
-    """A metric's value as one number; infinite if it is never reached, or not finite."""
+    """A metric's value as one number, of amplitudes the rms; infinite if never reached, or not finite."""
     if isinstance(value, list):
         return math.hypot(*(math.inf if x is None else x / math.sqrt(2) for x in value))
     return math.inf if value is None else float(value)
@@ -250,7 +250,7 @@ def write(results: ArenaResults, path: Path) -> None:
 
 
 def headline(results: ArenaResults) -> str:
-    """Which laws leave the least ripple, and how much beside the bar; "" if that is unknown."""
+    """A sentence: which laws leave the least ripple, as a multiple of the bar's; "" if that is unknown."""
     scores = Scores(to_dict(results))
     laws = scores.winners("ripple")
     score = scores.score("ripple", laws[0]) if laws else None
@@ -266,7 +266,7 @@ def headline(results: ArenaResults) -> str:
 
 
 def table(results: ArenaResults) -> Table:
-    """The scores: a row for each law, * for the best of a column."""
+    """A table of the scores: a row for each law, with * at the best of a column."""
     from rich.table import Table
 
     scores = Scores(to_dict(results))

@@ -1,6 +1,6 @@
-"""Judge a sweep: how each metric spreads, which share keeps its limit, which variant is the worst.
+"""Judge a sweep: how each metric spreads, what share of variants keeps its limit, which one is the worst.
 
-Which key explains the spread of a metric: rank correlations, and Sobol indices from the same runs.
+This module also finds which key explains a metric's spread, by rank correlations and Sobol indices.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from cogless.results.trace import Array
 from cogless.run.simulate import Pair
 from cogless.study.toml import toml
 
-CONFIDENCE_95 = 1.96  # standard deviations of a 95 % interval
+CONFIDENCE_95 = 1.96  # standard deviations: half of a 95 % interval of a normal distribution
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
     """How a metric of one run spreads over the variants; SI, infinite where a run has no value.
 
-    `edge`: the value that 95 % of the variants are no worse than. `worst`: the variant with the worst value.
-    `within`: the share that keeps the limit, and `interval` where the share of all possible variants is, with
-    95 % confidence; None without a limit.
+    `edge`: 95 % of the variants are at least as good as this value. `worst`: the variant with the worst
+    value. `within`: the share of variants that keep the limit. `interval`: 95 % confidence interval of that
+    share for all possible variants. Both are None without a limit.
     """
 
     pair: Pair
@@ -42,7 +42,7 @@ class Spread:
 
 
 def spreads(sweep: Sweep, scenario: str) -> list[list[Spread]]:
-    """Spreads of a scenario: a list for each column that is taken there, with one for each controller."""
+    """Spreads in a scenario: for each column that is taken there, a list with one spread per controller."""
     taken = {metric.name for metric in sweep.study.metrics_in(scenario)}
     places = [place for place, pair in enumerate(sweep.pairs) if pair[0] == scenario]
     return [
@@ -53,14 +53,14 @@ def spreads(sweep: Sweep, scenario: str) -> list[list[Spread]]:
 
 
 def badness(sweep: Sweep, place: int, index: int) -> Array:
-    """A metric of each variant, turned so that less is better; infinite where a run has no value."""
+    """A metric of each variant, negated if higher is better; infinite where a run has no value."""
     sign = -1.0 if sweep.columns[index].metric.better_direction == "higher" else 1.0
     values = sign * sweep.values[:, place, index]
     return np.where(np.isnan(values), np.inf, values)
 
 
 def keeps(sweep: Sweep, place: int, index: int) -> NDArray[np.bool_] | None:
-    """Whether each variant keeps a metric's limit; None without one."""
+    """Whether each variant keeps a metric's limit; None if the metric has no limit."""
     metric = sweep.columns[index].metric
     if metric.limit is None:
         return None
@@ -94,24 +94,24 @@ def quantile(values: Array, share: float) -> float:
 
 
 def likely(share: float, count: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of the share of all variants, if `count` drawn ones had `share`."""
+    """Wilson's 95 % interval of a share of all possible variants, from the `share` in `count` of them."""
     z = CONFIDENCE_95**2 / count
     middle, half = share + z / 2, math.sqrt(z * share * (1 - share) + z**2 / 4)
     return max(0.0, (middle - half) / (1 + z)), min(1.0, (middle + half) / (1 + z))
 
 
 def settings(sweep: Sweep, variant: int, scenario: str) -> list[str]:
-    """What differs from the study in a variant's scenario, each as KEY=VALUE for --set."""
+    """The changes of a study that give a variant's scenario, each as KEY=VALUE for --set."""
     return [f"{key}={toml(value)}" for key, value in sweep.ensemble.changes(variant, scenario).items()]
 
 
-SOBOL_VARIANTS_LEAST = 200  # variants for Sobol indices: with fewer, the estimate's own scatter reaches 0.1
-FEWEST_RANKS = 10  # variants for a rank correlation
+SOBOL_VARIANTS_LEAST = 200  # least number of variants for Sobol indices: with fewer, they scatter by 0.1
+FEWEST_RANKS = 10  # least number of variants for a rank correlation
 
 
 @dataclass(frozen=True)
 class Influence:
-    """What a key does to a metric; None: not to be had.
+    """How a key influences a metric; None: can't be computed.
 
     `rank`: Spearman's correlation, -1 to 1. `first`: share of the variance that the key explains by itself.
     """
@@ -138,7 +138,7 @@ def influences(sweep: Sweep, place: int, index: int) -> list[Influence]:
 
 
 def positions(sweep: Sweep, key: str) -> Array:
-    """The values of a key as numbers, SI; texts by their places in the list that they are drawn from."""
+    """The values of a key as numbers, SI; a text by its index in the list of choices."""
     values = sweep.ensemble.si[key]
     if all(isinstance(value, int | float) for value in values):
         return np.asarray(values, dtype=float)
@@ -153,7 +153,7 @@ def _rank(x: Array, y: Array) -> float | None:
 
 
 def _first_order(x: Array, y: Array, keys: Sequence[str]) -> list[float | None]:
-    """First-order Sobol indices by RBD-FAST, which takes any sample (Tarantola 2006, Plischke 2010)."""
+    """First-order Sobol indices by RBD-FAST, which works on any sample (Tarantola 2006, Plischke 2010)."""
     from SALib.analyze import rbd_fast
 
     bounds = [[float(column.min()), float(column.max())] for column in x.T]

@@ -1,6 +1,6 @@
-"""Search by Optuna's CMA-ES, with a journal, so that a killed search goes on.
+"""Search by Optuna's CMA-ES. A journal keeps what was tried, so that a killed search goes on.
 
-The text of a study with other values, its text and comments as they were.
+This module also writes a study's file with changed values; all other text and the comments stay.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cogless.study.messages import look_up
 from cogless.study.named_files import named_files
 from cogless.study.reading import put
 
-Settings = Mapping[str, float]  # a share of each range, 0 to 1
+Settings = Mapping[str, float]  # by key, the value's place in its range, 0 to 1
 START_SPREAD = 0.2  # spread of the first settings around the start, in shares of the ranges
 
 
@@ -40,8 +40,8 @@ def opened(path: Path, identity: Mapping[str, Any], start: Settings, seed: int) 
 
 
 class Search:
-    """A search that begins at `start`, and goes on from what its journal has: parameters and value of each
-    settings that were tried, and what Optuna keeps with them."""
+    """A search that begins at `start`, or goes on from its journal. The journal has the parameters and value
+    of each trial, and the attributes that Optuna keeps."""
 
     def __init__(self, journal: Journal, start: Settings, seed: int) -> None:
         import optuna
@@ -51,10 +51,10 @@ class Search:
         self._kept = journal
         self.start = dict(start)
         self.space = {key: optuna.distributions.FloatDistribution(0.0, 1.0) for key in start}
-        short = seed % 2**32  # a study's has 64 bits
+        short = seed % 2**32  # a study's seed has 64 bits
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of parts that Optuna may still change
-            # CMA-ES needs two directions
+            warnings.simplefilter("ignore")  # Optuna warns of parts that it may still change
+            # CMA-ES needs two parameters or more
             sampler: Any = optuna.samplers.TPESampler(seed=short)
             if len(start) > 1:
                 sampler = optuna.samplers.CmaEsSampler(
@@ -70,7 +70,7 @@ class Search:
 
     @property
     def batch(self) -> int:
-        """Settings that are tried at once: a generation of CMA-ES."""
+        """Number of settings that are tried at once: a generation of CMA-ES."""
         return 4 + int(3 * math.log(len(self.start)))
 
     def run(
@@ -79,12 +79,12 @@ class Search:
         budget: int,
         progress: Callable[[int, float], None],
     ) -> Settings:
-        """Try settings until there are `budget`, and return the best. `score`: values of several, less is
-        better."""
+        """Try settings until `budget` are tried, and return the best. `score` returns a value for each of
+        several settings; less is better."""
         while (done := len(self._finished())) < budget:
             if not done:
                 self.study.enqueue_trial(self.start)
-            # the first alone, as CMA-ES goes on from what is finished
+            # the start is tried alone, as CMA-ES proposes from finished trials
             trials = [
                 self.study.ask(self.space) for _ in range(min(self.batch if done else 1, budget - done))
             ]
@@ -101,9 +101,9 @@ class Search:
 
 
 def study_file_text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, note: str) -> str:
-    """The file of a study with changes, by dotted key. `note`: a comment for its top.
+    """The text of a study's file with `changes`, by dotted key. `note`: a comment for the first line.
 
-    Files that it names beside itself are named from `folder`, where it is to stand.
+    `folder`: where the file will be written; relative paths in the text are rewritten for that folder.
     """
     import tomlkit
 

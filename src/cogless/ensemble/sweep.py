@@ -1,12 +1,12 @@
 """Run every variant of an ensemble, on workers of any kind, and keep what is finished.
 
-The journal of a sweep or a search: what is finished is kept, so that one which ended goes on.
+The journal of a sweep or a search keeps the finished chunks, so that an interrupted one goes on.
 
-A file of lines, each written in one go: first what it is of, then a line for each finished chunk. A line
-is the CRC-32 of a JSON text in eight hex digits, a space, and that text. A damaged line isn't used, so that
-its chunk runs again.
+A journal is a file of lines, each written in one go: first the identity of the sweep or search, then a line
+for each finished chunk. A line is the CRC-32 of a JSON text in eight hex digits, a space, and that text. A
+damaged line isn't used, so that its chunk runs again.
 
-The work of one task of an ensemble, in whatever process or machine it runs.
+This module also has the work of one task, which runs in any process or machine: `variant_rows`.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from cogless.run.simulate import Pair, RunError, rollout, runs_of
 from cogless.study import AnyStudy, changed
 
 Chunk = int
-CHECKSUM_BYTES = 9  # at the start of a line
+CHECKSUM_BYTES = 9  # bytes at the start of a line: checksum and space
 
 
 class Journal:
-    """An open journal. `finished`: rows of each chunk, as `work.rows` returns them."""
+    """An open journal. `finished`: by chunk its rows, of a sweep as `variant_rows` returns them."""
 
     def __init__(self, path: Path, file: RawIOBase, finished: dict[Chunk, Any]) -> None:
         self.path, self.finished = path, finished
@@ -52,9 +52,9 @@ class Journal:
 
 @contextmanager
 def opened(path: Path, identity: Mapping[str, Any]) -> Iterator[Journal]:
-    """Open the journal of the sweep `identity`, and go on with it if there is one.
+    """Open the journal of the sweep with this `identity`; create it if there is none.
 
-    StudyError: it belongs to another sweep, another process writes it, it can't be written.
+    StudyError: the file belongs to another sweep, another process writes to it, or it can't be written.
     """
     try:
         no_link(path)
@@ -72,14 +72,14 @@ def opened(path: Path, identity: Mapping[str, Any]) -> Iterator[Journal]:
         lines = _whole_lines(content)
         begun = lines or not _line(identity).startswith(content)
         finished = _read(path, lines, identity) if begun else {}
-        file.truncate(sum(len(line) + 1 for line in lines))  # without a line that a kill cut off
+        file.truncate(sum(len(line) + 1 for line in lines))  # drops a line that a kill cut off
         if not begun:
             _append(path, file, identity)
         yield Journal(path, file, finished)
 
 
 def read(path: Path, identity: Mapping[str, Any]) -> dict[Chunk, Any]:
-    """The finished chunks of a journal that nobody writes any more."""
+    """The finished chunks of a journal, read without a lock: no process may still write to it."""
     try:
         no_device(path)
         content = path.read_bytes()
@@ -89,12 +89,12 @@ def read(path: Path, identity: Mapping[str, Any]) -> dict[Chunk, Any]:
 
 
 def _whole_lines(content: bytes) -> list[bytes]:
-    """The lines that end, without their ends; a kill may have cut off the last one."""
+    """The complete lines, without line ends; a kill may have left the last line incomplete."""
     return content.split(b"\n")[:-1]
 
 
 def _append(path: Path, file: RawIOBase, value: Any) -> None:
-    """Write a line at once, without a buffer that would be tried again when the file is closed."""
+    """Write a line at once. The file has no buffer: a failed write would be repeated when it is closed."""
     line = memoryview(_line(value))
     try:
         while line:
@@ -113,7 +113,7 @@ def _checksum(text: bytes) -> bytes:
 
 
 def _value(line: bytes) -> Any:
-    """What a line holds; None if it is damaged."""
+    """The value in a line; None if the line is damaged."""
     text = line[CHECKSUM_BYTES:]
     try:
         return json.loads(text) if line.startswith(_checksum(text)) else None
@@ -186,7 +186,7 @@ def variant_rows(
 
 
 def needed(study: AnyStudy) -> str:
-    """What a task needs to end: memory, and own laws that don't crash, which is the likelier cause."""
+    """What a task needs to end, for a message: enough memory, and own laws that don't end the process."""
     own = [
         f"controller.{name} not to end the process ({study.source.folder / law.code})"
         for name, law in study.controller.items()
@@ -200,7 +200,7 @@ def _failed_row(columns: int, why: str) -> Row:
 
 
 def _variant_or_reason(study: AnyStudy, changes: Mapping[str, Any]) -> AnyStudy | str:
-    """The variant, or why the study doesn't allow it."""
+    """The study of a variant, or the text of the error if the study refuses the changes."""
     try:
         return changed(study, changes)
     except StudyError as error:
@@ -213,14 +213,14 @@ def _error_text(study: AnyStudy, error: StudyError) -> str:
 
 
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
-TASK_VARIANTS = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
+TASK_VARIANTS = 16  # variants of a task: enough to run in lock step, few to lose with a worker
 
 SweepProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
 class Shard:
-    """A part of a sweep: chunk `index`, `index` + `of`, ... counted from 0."""
+    """A part of a sweep: the chunks `index`, `index` + `of`, `index` + 2 `of`, ... counted from 0."""
 
     index: int = 0
     of: int = 1
@@ -238,7 +238,7 @@ class Plan:
     study: AnyStudy
     ensemble: Ensemble
     pairs: Sequence[Pair]
-    identity: Mapping[str, Any]  # tells this sweep from others, in its journal
+    identity: Mapping[str, Any]  # written into the journal, to tell this sweep from others
 
     @property
     def chunks(self) -> int:
@@ -257,17 +257,17 @@ class Plan:
         return min(self.ensemble.count - chunk * TASK_VARIANTS, TASK_VARIANTS)
 
     def changes(self, chunk: int) -> list[dict[str, Any]]:
-        """What differs from the study, for each variant of a chunk."""
+        """The changes of the study, by dotted key, for each variant of a chunk."""
         first = chunk * TASK_VARIANTS
         return [self.ensemble.changes(variant) for variant in range(first, first + self.size(chunk))]
 
     def for_shards(self, shard: Shard) -> dict[str, Any]:
-        """What a journal says it is; a shard also says how many variants there are, which decide its part."""
+        """The identity in a shard's journal; several shards also depend on the number of variants."""
         return {**self.identity, **({"variants": self.ensemble.count} if shard.of > 1 else {})}
 
 
 def plan(study: AnyStudy, count: int, only: Sequence[str] | None = None) -> Plan:
-    """Plan a sweep of `count` variants. StudyError: no [vary], a mistake in it, no such run, no metric."""
+    """Plan a sweep of `count` variants. StudyError: no [vary], a mistake there, no such run, no metric."""
     pairs = runs_of(study, only)
     if not columns(study):
         raise StudyError(f"{study.source.path}: metric: missing: expected one or more metrics to compare")
@@ -288,16 +288,16 @@ def run(
     shard: Shard | None = None,
     progress: SweepProgress | None = None,
 ) -> Sweep | None:
-    """Run a sweep, or go on with it; None if it is a shard, which `merge` puts together with the others.
+    """Run a sweep, or go on with one; returns None for a shard, since `merge` puts all shards together.
 
-    `folder`: an existing one, for the journal. `progress` is called with the number of finished variants,
-    those of an earlier call included. StudyError: a journal of another sweep, a worker that keeps dying.
+    `folder`: an existing folder for the journal. `progress` is called with the number of finished variants,
+    including those of an earlier call. StudyError: a journal of another sweep, a worker that keeps dying.
     """
     part = shard or Shard()
     chunks = planned.part(part)
     with opened(folder / part.file, planned.for_shards(part)) as journal:
         report = progress or (lambda variants: None)
-        # a last chunk that was shorter in an earlier, smaller sweep runs again
+        # the last chunk of an earlier, smaller sweep may be too short: it runs again
         remaining = [c for c in chunks if len(journal.finished.get(c, ())) < planned.size(c)]
         done = planned.variants(part) - sum(map(planned.size, remaining))
         report(done)
@@ -342,6 +342,6 @@ def merge(planned: Plan, folder: Path) -> Sweep:
 
 def _gathered(planned: Plan, finished: Mapping[int, Any]) -> Sweep:
     in_order = (row for chunk in range(planned.chunks) for row in finished[chunk])
-    # of an earlier, larger sweep there may be more
+    # the journal may have more rows, from an earlier, larger sweep
     of_this = (row for row, _ in zip(in_order, range(planned.ensemble.count), strict=False))
     return gathered(planned.study, planned.ensemble, planned.pairs, of_this)

@@ -1,6 +1,6 @@
 """The table of a sweep: a row for each run, as Parquet.
 
-The metrics of a study as columns of plain numbers: one for each order or phase.
+Each metric of a study becomes one or more columns of plain numbers: one column for each order or phase.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from cogless.study.metric import Metric
 
 @dataclass(frozen=True)
 class Column:
-    """A column of metrics. `part`: order, phase from 1, or LAST_TRIAL, of a metric that is a list."""
+    """A column of one metric. `part`: if the metric is a list, the order, the phase from 1, or LAST_TRIAL."""
 
     metric: Metric
-    place: int | None = None  # index of the value if the metric has a list
+    place: int | None = None  # index of the value if the metric is a list
     part: str = ""
 
     @property
@@ -40,11 +40,11 @@ class Column:
 
     @property
     def spoken(self) -> str:
-        """Name as the study has it, with the part after a dot."""
+        """Name as in the study's file, with the part after a dot."""
         return self.metric.name + (f".{self.part}" if self.part else "")
 
     def number_in(self, metrics: Mapping[str, Value]) -> float | None:
-        """The number of a run; None: never, not to be had, or not taken in its scenario."""
+        """The column's number in a run's metrics; None: never reached, not finite, or not taken there."""
         value = metrics.get(result_name(self.metric))
         if isinstance(value, list):
             place = -1 if self.place is None else self.place
@@ -53,7 +53,7 @@ class Column:
 
 
 def columns(study: AnyStudy) -> list[Column]:
-    """The columns of a study's metrics, in its order."""
+    """The columns of a study's metrics, in the study's order."""
     by_name: dict[str, Column] = {}
     for metric in study.metric:
         for place, part in study.columns_of(metric):
@@ -69,8 +69,8 @@ GROUP_ROWS = 1 << 16  # largest number of rows in a row group of sweep.parquet
 class Sweep:
     """A finished sweep.
 
-    `values`: metrics [variant, pair, column], SI, NaN where there is none. `errors`: why a run failed, by
-    variant and place of its pair.
+    `values`: metrics [variant, pair, column], SI, NaN where a run has none. `errors`: why a run failed, by
+    variant and index of the pair.
     """
 
     study: AnyStudy
@@ -84,7 +84,7 @@ class Sweep:
 def gathered(
     study: AnyStudy, ensemble: Ensemble, pairs: Sequence[Pair], rows: Iterable[Sequence[Row]]
 ) -> Sweep:
-    """Put the rows of each variant, in order, into arrays."""
+    """A sweep from rows: for each variant, in order, a row for each pair."""
     metrics = columns(study)
     values = np.full((ensemble.count, len(pairs), len(metrics)), np.nan)
     errors = {}
@@ -97,14 +97,14 @@ def gathered(
 
 
 def require(command: str) -> None:
-    """StudyError unless what a sweep needs is installed. `command`: that needs it, by which its extra is
-    named."""
+    """StudyError unless what a sweep needs is installed. `command`: name of the calling command, also of its
+    extra."""
     if find_spec("pyarrow") is None or find_spec("SALib") is None:
         raise StudyError(f"{command}: expected the extra: pip install 'cogless[{command}]'")
 
 
 def write(sweep: Sweep, path: Path) -> None:
-    """Write the table; the same sweep gives the same bytes. Keys and metrics are SI, null: no value."""
+    """Write the table; the same sweep gives the same bytes. Keys and metrics are SI; null means no value."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -138,7 +138,7 @@ def write(sweep: Sweep, path: Path) -> None:
 
 
 def _array(values: list[Any]) -> Any:
-    """A column of a key: numbers, or texts where a value is none."""
+    """The values of a key as an array: of numbers, or of texts if any value is no number."""
     import pyarrow as pa
 
     number = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)

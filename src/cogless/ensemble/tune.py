@@ -1,6 +1,6 @@
-"""Choose gains: CMA-ES over an ensemble, then a check on variants that it has not seen.
+"""Choose gains: CMA-ES over an ensemble, then a check on variants that the search has not seen.
 
-Every setting meets the same variants, seeds included, so that settings differ by themselves and not by luck.
+Every setting is run on the same variants, with the same seeds, so that luck makes no difference between them.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from cogless.study.metric import result_name
 from cogless.study.reading import split
 from cogless.study.table import perhaps
 
-DECADE_RATIO = 10.0  # a range at least this wide is searched by ratios
-FRESH_VARIANTS = 4  # variants of the check, for each that was searched over
-NOMINAL_SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
+DECADE_RATIO = 10.0  # a range is searched by ratios if high / low is at least this
+FRESH_VARIANTS = 4  # variants of the check, per variant of the search
+NOMINAL_SEEDS = 16  # variants that check the nominal plant; only their noise differs
 TuneProgress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
 
 
 @dataclass(frozen=True)
 class Knob:
-    """A value to choose, as a share of its range, 0 to 1."""
+    """A value to choose, within a range; the search sees a share of the range, 0 to 1."""
 
     key: str
     unit: str
@@ -77,7 +77,7 @@ class Knob:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is tuned at once: the keys of one controller, or, if others are among them, all keys."""
+    """Keys that are tuned together: those of one controller, or all keys if one belongs to no controller."""
 
     name: str
     knobs: Sequence[Knob]
@@ -88,7 +88,8 @@ class Subject:
 class Score:
     """How good a setting is: the smaller the better.
 
-    `violation`: by how much limits are missed, relative. `growth`: as `growth` forecasts.
+    `violation`: sum of the relative misses of limits. `value`: the metric that is minimised, relative to the
+    first setting's. `growth`: what the function `growth` returns.
     """
 
     violation: float
@@ -97,7 +98,7 @@ class Score:
 
     @property
     def missed(self) -> float:
-        """By how much the setting misses its limits, and by how much its learning grows."""
+        """The violation of limits plus the growth of learning; 0 for a setting that is allowed."""
         return self.violation + self.growth
 
     @property
@@ -123,7 +124,7 @@ class Tuned:
 
     @property
     def chosen(self) -> Mapping[str, Any]:
-        """The values to use: those found, or nothing to change."""
+        """The values to use: the found ones if they are better, else none."""
         return self.values if self.adopted else {}
 
 
@@ -138,7 +139,7 @@ class Evaluation:
         self.scales: Array | None = None
 
     def sweeps(self, candidates: Sequence[Mapping[str, Any]]) -> list[Sweep]:
-        """Run each candidate, values by key, over all variants."""
+        """Run each candidate (values by key) on all variants; returns a sweep for each."""
         count = self.ensemble.count
         changes = [self.ensemble.changes(v) | dict(c) for c in candidates for v in range(count)]
         chunks = [changes[at : at + TASK_VARIANTS] for at in range(0, len(changes), TASK_VARIANTS)]
@@ -159,7 +160,7 @@ class Evaluation:
         ]
 
     def scores(self, candidates: Sequence[Mapping[str, Any]]) -> list[Score]:
-        """Scores of candidates; the first that is ever scored is what the others are measured by."""
+        """Scores of candidates; the values are relative to the first candidate that is ever scored."""
         return [self.score(sweep, c) for sweep, c in zip(self.sweeps(candidates), candidates, strict=True)]
 
     def score(self, sweep: Sweep, candidate: Mapping[str, Any]) -> Score:
@@ -179,7 +180,7 @@ class Evaluation:
         return Score(violation, float(np.mean(scores / self.scales)), grows)
 
     def _taken(self, index: int) -> list[tuple[int, Pair]]:
-        """The runs in whose scenarios a metric is taken."""
+        """The runs in whose scenarios a metric is taken, each with its index among the subject's pairs."""
         metric = self.columns[index].metric
         return [
             (place, pair)
@@ -218,7 +219,7 @@ def tune(
 
 
 def journal_name(subject: Subject) -> str:
-    """The file that keeps what a search has tried."""
+    """Name of the journal in which a search keeps what it has tried."""
     return f"{subject.name}.tune"
 
 
@@ -227,7 +228,7 @@ def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: TunePr
     start = {knob.key: knob.start_share for knob in subject.knobs}
     identity = {"study": pack(study).digest[:16], "keys": list(start)}
     with opened(path, identity, start, study.seed) as search:
-        searched.scores([_values(subject, start)])  # the first: the others are measured by it
+        searched.scores([_values(subject, start)])  # scored first: all other values are relative to it
         best = search.run(
             lambda many: [_penalised(s) for s in searched.scores([_values(subject, one) for one in many])],
             budget,
@@ -247,9 +248,9 @@ def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: TunePr
 
 
 def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
-    """Each controller as it was and as it was tuned, over the fresh variants, as one sweep.
+    """One sweep of each controller before and after tuning, over the fresh variants.
 
-    Its study has the tuned ones under names of their own.
+    The sweep's study has the tuned controllers as copies, named NAME-tuned.
     """
     named = {name: f"{name}-tuned" for one in tuned for _, name in one.subject.pairs}
     copies: dict[str, Any] = {}
@@ -275,7 +276,7 @@ def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
 
 
 def outcome_lines(tuned: Tuned) -> list[str]:
-    """The outcome as lines of text: what it is worth on fresh variants, and each value before and after."""
+    """The outcome as lines of text: the score on fresh variants, and each value before and after."""
     name, before, after = tuned.subject.name, tuned.before, tuned.after
     changes = [
         f"{knob.key} = {toml_text(tuned.values[knob.key])}  # was {toml_text(knob.start_text)}"
@@ -293,7 +294,7 @@ def outcome_lines(tuned: Tuned) -> list[str]:
 
 
 def _values(subject: Subject, settings: Settings) -> dict[str, Any]:
-    """Values by key; at the start exactly those of the study."""
+    """Values by key; a value at its start is exactly as in the study."""
     return {
         knob.key: knob.start_text
         if math.isclose(settings[knob.key], knob.start_share, rel_tol=1e-12)
@@ -303,10 +304,10 @@ def _values(subject: Subject, settings: Settings) -> dict[str, Any]:
 
 
 def growth(study: AnyStudy, controllers: Iterable[str]) -> float:
-    """By how much design forecasts that learning grows, which short runs don't show: the factor in a period
-    less 1, or 1 where it is unstable; 0 where it settles, or where the forecast isn't sure.
+    """By how much learning grows in a period, as design forecasts it: the factor minus 1, or 1 if there is no
+    factor; 0 if learning settles, or if the forecast isn't sure. Short runs don't show such growth.
 
-    The largest of these controllers; 0 for studies of trials.
+    The largest growth of these controllers; 0 for studies of trials.
     """
     forecast = DESIGNS[study.kind].forecast
     verdicts = [verdict for name in controllers if (verdict := forecast(study, name)) is not None]
@@ -321,7 +322,7 @@ def growth(study: AnyStudy, controllers: Iterable[str]) -> float:
 
 
 def _penalised(score: Score) -> float:
-    """One number for the search, which only compares: whoever misses a limit is worse than all who don't."""
+    """One number for the search, which only compares. A missed limit makes it worse than any other score."""
     most = 1e6
     if score.missed > 0:
         return most * (1 + min(score.missed, most))
@@ -329,7 +330,7 @@ def _penalised(score: Score) -> float:
 
 
 def ensembles(study: AnyStudy) -> tuple[Ensemble, Ensemble]:
-    """The variants to search over, and fresh ones to check on."""
+    """Two ensembles: the variants of the search, and fresh variants for the check."""
     options = _tune_table(study)
     if options.over == "nominal":
         return Ensemble((), {}, 1), Ensemble((), {SEED: seeds(study, NOMINAL_SEEDS, fresh=1)}, NOMINAL_SEEDS)
@@ -337,9 +338,9 @@ def ensembles(study: AnyStudy) -> tuple[Ensemble, Ensemble]:
 
 
 def subjects(study: AnyStudy) -> list[Subject]:
-    """The groups of keys that are tuned together: one for each controller.
+    """The groups of keys that are tuned together: one group for each controller.
 
-    It is one of all keys if any key is not a controller's. StudyError: a mistake in [tune].
+    There is only one group if any key belongs to no controller. StudyError: a mistake in [tune].
     """
     options, path = _tune_table(study), study.source.path
     column_of(study, options.minimise, "minimise")
@@ -388,7 +389,7 @@ def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
 
 
 def column_of(study: AnyStudy, name: str, where: str) -> Column:
-    """The column of a metric that [tune] names. StudyError: there is none, or it has several."""
+    """The column of a metric that [tune] names. StudyError: no such metric, or it has several columns."""
     by_name = {column.spoken: column for column in columns(study)}
     by_name |= {column.name: column for column in columns(study)}
     if name not in by_name:
@@ -399,7 +400,7 @@ def column_of(study: AnyStudy, name: str, where: str) -> Column:
 
 
 def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
-    """A limit of [tune] in SI, turned so that less is better."""
+    """A limit of [tune] in SI, negated if higher is better."""
     from cogless.study.table import Quantity
 
     dimension = column.metric.dimension

@@ -1,6 +1,6 @@
-"""The axes of an ensemble: from a study's `[vary]` to values of its keys.
+"""Draw the variants of an ensemble from a study's `[vary]`: an axis for each key that varies.
 
-Draw the variants of an ensemble: Sobol's sequence over the axes of `[vary]`, the same on every machine.
+The values come from Sobol's sequence over the axes. They are equal on every machine.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from cogless.study.reading import split
 from cogless.study.table import Key
 
 PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
-CUT_DEVIATIONS = 3.0  # standard deviations at which a normal distribution ends
-VALUE_DIGITS = 6  # digits of a value, so few that the command that repeats a variant can be read
+CUT_DEVIATIONS = 3.0  # standard deviations from the mean, where a normal distribution is cut
+VALUE_DIGITS = 6  # digits of a value; few, so that a command that repeats a variant is legible
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A key that varies. `spread`: from the share of variants below a value, 0 to 1, to the value."""
+    """A key that varies. `spread`: turns the share of variants below a value, 0 to 1, into that value."""
 
     key: str
-    unit: str  # of its text in the study; "" for a plain number
+    unit: str  # unit of the text in the study; "" for a plain number
     spread: Callable[[Array], Array] | None
-    choices: tuple[Any, ...] = ()  # instead of a spread
+    choices: tuple[Any, ...] = ()  # the values of a list, if there is no spread
     whole: bool = False  # takes whole numbers only
 
     def values(self, share: Array) -> list[Any]:
-        """Values as they stand in a study's file."""
+        """The values at these shares, as they stand in a study's file."""
         if self.spread is None:
             last = len(self.choices) - 1
             return [self.choices[min(int(s * len(self.choices)), last)] for s in share]
@@ -94,15 +94,15 @@ def _axis(reader: Reader, form: str) -> Axis:
     if form == "log" and not low > 0:
         raise reader.wrong("expected limits above zero")
     spread = {"uniform": _uniform, "log": _log, "corners": _corners}[form](low, high)
-    if reader.whole and form in ("uniform", "log"):  # so that the ends are as likely as the numbers between
+    if reader.whole and form in ("uniform", "log"):  # makes an end as likely as any other number
         spread = _whole_numbers(low, high, {"uniform": _uniform, "log": _log}[form](low - 0.5, high + 0.5))
     return Axis(reader.key, reader.unit, spread, whole=reader.whole)
 
 
 class Reader:
-    """Reads the numbers that are given for a key, in the unit that the study has there.
+    """Reads the numbers of a key's range or distribution, in the unit of the key's value in the study.
 
-    `where`: the key that has them, for messages.
+    `where`: the key at which these numbers stand, for messages.
     """
 
     def __init__(self, study: AnyStudy, key: str, where: Key, spread: Any) -> None:
@@ -111,7 +111,7 @@ class Reader:
         self.unit = self._unit()
 
     def range(self, ratio: bool = False) -> tuple[float, float]:
-        """Two limits, or the study's value and a deviation to both sides, which may be a ratio."""
+        """Two limits: as given, or the study's value with a deviation to both sides (`ratio`: a factor)."""
         if isinstance(self.given, tuple):
             low, high = (self._number(value) for value in self.given)
         else:
@@ -128,7 +128,7 @@ class Reader:
 
     @cached_property
     def whole(self) -> bool:
-        """Whether the key takes whole numbers only: the study refuses its own value with a point."""
+        """Whether the key takes whole numbers only, that is, the study refuses its own value as a float."""
         if not isinstance(self.nominal, int) or isinstance(self.nominal, bool):
             return False
         try:
@@ -152,11 +152,11 @@ class Reader:
             raise StudyError(f"{self.study.source.path}: {self.where[0]}: {error}") from None
         motor = getattr(self.study, "motor", None)
         if self.key == "motor.K_t" and nominal is MISSING and motor is not None:
-            return f"{motor.star().K_t!r} N*m/A"  # its magnet is given by another key
+            return f"{motor.star().K_t!r} N*m/A"  # the study gives the magnet's flux by another key
         return nominal
 
     def _unit(self) -> str:
-        """The unit of the study's own text, or else the first that the distribution names."""
+        """The unit of the study's own value, or else the first unit among the given numbers; "" if none."""
         parameters = self.given if isinstance(self.given, tuple) else (self.given,)
         texts = [text for text in (self.nominal, *parameters) if isinstance(text, str)]
         return next((u for u in map(units.unit_of, texts) if u and u != "%"), "")
@@ -168,14 +168,14 @@ class Reader:
         if isinstance(self.nominal, bool) or not isinstance(self.nominal, str | int | float):
             raise self.wrong("expected the key of a number, or a list of values")
         if self.unit and not isinstance(self.nominal, str):
-            # in a controller's table a plain number is SI, as are those that the rule auto gives
+            # a plain number in a controller's table is SI; the rule auto gives such numbers, too
             number = self.nominal / units.si_factor(self.unit)
             tried(self.study, str(self.where[0]), {self.key: f"{number!r} {self.unit}"})
             return number
         return self._plain(self.nominal)
 
     def _number(self, value: Any, around: float | None = None) -> float:
-        """A number of the distribution; a percentage of the study's value is added to it, or to `around`."""
+        """A given number; a percentage is a share of the study's value, added to this value or `around`."""
         percent = PERCENT.fullmatch(value) if isinstance(value, str) else None
         if percent is None:
             return self._plain(value)
@@ -227,9 +227,9 @@ def _corners(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
-    """Shares, a column an axis, with the correlations of `[vary]` put in: a Gaussian copula.
+    """The shares [variant, axis] with the correlations of `[vary]`, by a Gaussian copula.
 
-    Each column stays evenly spread; only which values meet is changed.
+    Each column stays evenly spread; only the combinations of its values with other columns change.
     """
     from scipy.special import ndtr, ndtri  # a worker starts sooner without it
 
@@ -240,7 +240,7 @@ def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
         columns = [places[key] for key in group.keys]
         matrix = np.full((len(columns), len(columns)), group.correlation)
         np.fill_diagonal(matrix, 1.0)
-        # the symmetric root exists for a correlation of one, too
+        # the symmetric square root also exists for a correlation of one
         strength, direction = np.linalg.eigh(matrix)
         root = direction * np.sqrt(np.maximum(strength, 0.0)) @ direction.T
         inside = np.clip(shares[:, columns], 2.0**-40, 1 - 2.0**-40)
@@ -248,16 +248,16 @@ def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
     return correlated
 
 
-SEED = "seed"  # a study's key: of the sensors' noise
-FRESH_SEED_OFFSET = 1 << 32  # distance of the seeds of an ensemble from those of a fresh one
+SEED = "seed"  # a study's key: the seed of the sensors' noise
+FRESH_SEED_OFFSET = 1 << 32  # between the seeds of an ensemble and of a fresh one
 
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """The variants of a study: `drawn` has by varied key a value per variant, in the file's notation.
+    """The variants of a study. `drawn`: by varied key a value for each variant, in the file's notation.
 
-    `places`: by scenario, the override of a scenario that sets each key of motor, mechanics and drive. Only
-    the override varies, so the controllers are designed for the study and don't know which variant they meet.
+    `places`: by varied key of the plant and by scenario, the override that sets this key in the scenario.
+    Only overrides vary, so the controllers are designed for the study and don't know their variant.
     """
 
     axes: tuple[Axis, ...]
@@ -266,7 +266,7 @@ class Ensemble:
     places: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def changes(self, variant: int, scenario: str | None = None) -> dict[str, Any]:
-        """What differs from the study in a variant, by dotted key; of one scenario, or of all."""
+        """The changes of the study that make a variant, by dotted key: for one scenario, or for all."""
         changes = {}
         for key, values in self.drawn.items():
             places = self.places.get(key)
@@ -281,7 +281,7 @@ class Ensemble:
 
     @cached_property
     def si(self) -> dict[str, list[Any]]:
-        """The values of each varied key in SI; those that are no quantities unchanged."""
+        """The values of each varied key in SI; values that are no quantities are unchanged."""
         of_axes = {axis.key: list(map(axis.si, self.drawn[axis.key])) for axis in self.axes}
         return {**self.drawn, **of_axes}
 
@@ -293,9 +293,9 @@ def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
 
 
 def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
-    """Draw `count` variants, the first ones of any longer ensemble. StudyError: a mistake in [vary].
+    """Draw `count` variants; a longer ensemble begins with these, too. StudyError: a mistake in [vary].
 
-    `fresh`: a number above zero draws others than any ensemble with another number.
+    `fresh`: another number gives other variants.
     """
     from scipy.stats import qmc
 
@@ -317,7 +317,7 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
 
 
 def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:
-    """The overrides that set a key of the plant, by scenario; a scenario that has its own value keeps it."""
+    """By key of the plant and scenario, the override that sets the key; none if the scenario has its own."""
     of_plant = tuple(f"{table}." for table in study.overridable)
     return {
         key: {

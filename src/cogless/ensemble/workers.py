@@ -1,6 +1,6 @@
-"""Run tasks on any `concurrent.futures.Executor`; a worker that dies costs its task's time, nothing else.
+"""Run tasks on any `concurrent.futures.Executor`. If a worker dies, only its task runs again.
 
-A study made ready to travel: its tables, and the files that it names, for a worker on any machine.
+A `Parcel` holds a study for a worker on any machine: the study's tables and the files that they name.
 """
 
 from __future__ import annotations
@@ -31,19 +31,22 @@ from cogless.study.named_files import named_files
 from cogless.study.reading import checked
 
 T = TypeVar("T")
-MOST_LOSSES = 3  # workers that one task may cost before it is given up
-TASKS_AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
-END_PROCESS = os._exit  # a worker ends itself by this name, since tasks may not call os._exit
-CLUSTER_PATIENCE = 10  # s that a cluster has to answer
+MOST_LOSSES = 3  # a task is given up when this many of its workers have died
+TASKS_AHEAD = 2  # tasks that are sent per worker: one runs, one waits
+EXECUTOR_BROKEN = (
+    "a worker process of the caller's executor died: expected a new executor; the same call goes on from here"
+)
+END_PROCESS = os._exit  # for a worker that ends itself; for tasks os._exit is blocked
+CLUSTER_PATIENCE = 10  # s, within which a cluster must answer
 
 
 class Workers:
-    """Where tasks run. `executor` is made when it is needed, and made anew when its workers have died."""
+    """Where tasks run. `executor` is made when first needed, and again after its workers have died."""
 
     def __init__(self, make: Callable[[], Executor], count: Callable[[], int]) -> None:
         self._make = make
         self._executor: Executor | None = None
-        self.count = count  # of a cluster, it may change
+        self.count = count  # number of workers; a cluster's may change
 
     @property
     def executor(self) -> Executor:
@@ -52,20 +55,20 @@ class Workers:
         return self._executor
 
     def renew(self) -> None:
-        """Take another executor, as this one is broken."""
+        """Drop this executor, which is broken, so that the next use makes another one."""
         broken, self._executor = self._executor, None
         if broken is not None:
             broken.shutdown(wait=False)
 
 
 def executor_workers(executor: Executor) -> Workers:
-    """The workers of a caller's executor, which stays open."""
+    """The workers of a caller's executor. Nothing here closes it, unless it breaks."""
     most = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     return Workers(lambda: executor, lambda: most)
 
 
 class ProcessPool(ProcessPoolExecutor):
-    """Worker processes that no law's call of os._exit ends."""
+    """Worker processes in which a law can't end the process by os._exit."""
 
     def submit(self, work: Callable[..., T], /, *arguments: Any) -> Future[T]:  # type: ignore[override]
         return super().submit(_without_exit, work, *arguments)
@@ -78,7 +81,7 @@ def _without_exit(work: Callable[..., T], *arguments: Any) -> T:
 
 @contextmanager
 def processes(count: int) -> Iterator[Workers]:
-    """`count` worker processes; unlike threads they share no lock."""
+    """`count` worker processes; unlike threads, they don't wait for a common lock."""
     pools: list[ProcessPool] = []
 
     def pool() -> Executor:
@@ -88,7 +91,7 @@ def processes(count: int) -> Iterator[Workers]:
 
     try:
         yield Workers(pool, lambda: count)
-    except BaseException:  # such as Ctrl-C: what runs is not waited for
+    except BaseException:  # such as Ctrl-C: running tasks are killed
         for executor in pools:
             running = list((executor._processes or {}).values())
             executor.shutdown(wait=False, cancel_futures=True)
@@ -100,7 +103,7 @@ def processes(count: int) -> Iterator[Workers]:
 
 
 def _led() -> None:
-    """Leave Ctrl-C to the process that started this one, and end when it has ended, even if it was killed."""
+    """Ignore Ctrl-C, and end when the process that started this one has ended, even if it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_after, args=(parent_process(),), daemon=True).start()
 
@@ -160,11 +163,11 @@ def run_all(
     finished: Callable[[int, T], None],
     expected: str = "enough memory for it",
 ) -> None:
-    """Call work(*arguments(number)) for each task, and `finished` with its number and result, as they end.
+    """Call work(*arguments(number)) for each task, and `finished` with its number and result when it ends.
 
     A task's arguments are made when it is sent, so that waiting tasks take no memory. A task whose worker
-    dies is sent again, and alone, since it may be what kills workers; after the third time it is given up.
-    StudyError: that, with what is `expected` of a task that ends, or a cluster that is gone.
+    dies is sent again, and alone, since it may be what kills workers. StudyError: a task's worker has died
+    MOST_LOSSES times (`expected`, in the message: what the task needs to end), or a cluster is gone.
     """
     waiting = deque(tasks)
     losses = dict.fromkeys(waiting, 0)
@@ -183,9 +186,9 @@ def _use(
     losses: dict[int, int],
     expected: str,
 ) -> None:
-    """Run the waiting tasks until none is left or the executor is broken; what it lost waits again."""
+    """Run the waiting tasks until none is left or the executor is broken; lost tasks are waiting again."""
     running: dict[Future[T], int] = {}
-    broken = False
+    broken = sent = False
     while running or (waiting and not broken):
         most = TASKS_AHEAD * max(1, workers.count())
         while waiting and not broken and len(running) < (1 if losses[waiting[0]] else most):
@@ -195,7 +198,10 @@ def _use(
             try:
                 running[workers.executor.submit(work, *arguments(waiting[0]))] = waiting[0]
                 waiting.popleft()
+                sent = True
             except BrokenProcessPool:
+                if not sent:  # a caller's executor, which renewing does not replace
+                    raise StudyError(EXECUTOR_BROKEN) from None
                 broken = True
         done = wait(running, return_when=FIRST_COMPLETED).done
         for future in [future for future in running if future in done]:  # in the order that they were sent
@@ -227,7 +233,7 @@ def _is_loss(error: Exception) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Parcel:
-    """`files`: content by path relative to the study. Two parcels are the same if their digests are."""
+    """A packed study. `files`: content by path relative to the study. Equal digests make equal parcels."""
 
     source: Source
     files: Mapping[str, bytes]
@@ -241,7 +247,7 @@ class Parcel:
 
 
 def pack(study: AnyStudy) -> Parcel:
-    """Pack a study as it was read, with its changes."""
+    """Pack a study as it was read, changes included."""
     source = study.source
     files = {name: (source.folder / name).read_bytes() for name in sorted(_named(study))}
     text = json.dumps(source.tables, sort_keys=True, default=str)
@@ -253,7 +259,7 @@ def pack(study: AnyStudy) -> Parcel:
 
 @lru_cache(maxsize=8)
 def unpacked(parcel: Parcel) -> AnyStudy:
-    """The study of a parcel: where it came from if its files are there, else in a folder of its own."""
+    """The study of a parcel: in its original folder if all its files are there, else in a temporary one."""
     source = parcel.source
     if all(_is(source.folder / name, content) for name, content in parcel.files.items()):
         return checked(source)
@@ -275,7 +281,7 @@ def _is(path: Path, content: bytes) -> bool:
 
 
 def _named(study: AnyStudy) -> set[str]:
-    """Files that a study names by a path relative to it; of a controller in Python also its neighbours."""
+    """Files that a study names by relative path; with a Python file, all Python files in the same folder."""
     folder = study.source.folder
     names = set()
     for file in named_files(type(study), study.source.tables):

@@ -34,17 +34,17 @@ class Prepared(Plan):
 
     @property
     def trials(self) -> bool:
-        """Whether it is a run of trials."""
+        """Whether the run consists of trials."""
         return "trials" in self.description
 
     @property
     def has_drive(self) -> bool:
-        """Whether the law's C has a drive around it."""
+        """Whether the law's C code runs within the C code of a drive."""
         return not self.study.controller[self.controller].NO_DRIVE
 
     @property
     def has_bus(self) -> bool:
-        """Whether the law runs elsewhere, over a bus."""
+        """Whether a field bus is between law and drive."""
         return "bus" in self.description["drive"]
 
     @property
@@ -65,8 +65,9 @@ class Steps(Protocol):
 
     def step(self, measurement: bytes, reference: bytes) -> bytes: ...
 
-    # over a bus, in place of step: before the law, whether it is due, with angle and speed as the drive
-    # believes them; the law, with what has reached it, to i_q_ref; the rest, with what has reached the drive
+    # Three methods replace `step` if a bus is between law and drive. `measure` returns whether the law is
+    # due, and the drive's angle and speed. `law` takes the angle and speed that have reached the law; it
+    # returns i_q_ref. `actuate` takes the i_q_ref that has reached the drive, if any; it returns the output.
     def measure(self, measurement: bytes, reference: bytes) -> tuple[bool, float, float]: ...
     def law(self, theta_m: float, omega_m: float) -> float: ...
     def actuate(self, i_q_ref: float | None) -> bytes: ...
@@ -77,11 +78,11 @@ class Steps(Protocol):
 
 @dataclass(eq=False)
 class Recording:
-    """Inputs and outputs of the controller in each tick, as bytes of the C structs, and its memory at the
-    end.
+    """Inputs and outputs of the controller in each tick, as bytes of the C structs.
 
-    `begun`: the trajectory of each trial, with the tick at which the trial began. `ended`: ticks before which
-    a trial ended.
+    `memory`: contents of the law's memory at the end.
+    `begun`: the tick at which each trial began, and the trial's trajectory. `ended`: ticks before which a
+    trial ended.
     """
 
     measurements: list[bytes] = field(default_factory=list)
@@ -95,8 +96,8 @@ class Recording:
 class Recorder:
     """The drive's own controller, whose inputs and outputs are recorded.
 
-    The outputs of a law without a drive around it are its own, not those of the drive that it is simulated
-    in.
+    If the law has no drive around it in C, the law's own outputs are recorded, not those of the drive in the
+    simulation.
     """
 
     def __init__(self, prepared: Prepared) -> None:
@@ -152,7 +153,7 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
 
 
 def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
-    """`prepare` for an export that is law and drive in one; StudyError, too, if a bus is between them."""
+    """`prepare` for an export of law and drive as one; StudyError also if a bus is between law and drive."""
     prepared = prepare(study, scenario, controller)
     if prepared.has_bus:
         raise StudyError(
@@ -163,7 +164,10 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
 
 
 def first_scenario(study: AnyStudy, controller: str, scenario: str | None = None) -> str:
-    """The `scenario` scenario, else the first in which the controller runs; StudyError if there is none."""
+    """`scenario`, or the first scenario in which the controller runs if `scenario` is None.
+
+    StudyError: an unknown controller, or no such scenario with this controller.
+    """
     path = study.source.path
     if controller not in study.controller:
         expected = f"expected one of {', '.join(study.controller)}{perhaps(controller, study.controller)}"
@@ -195,7 +199,7 @@ def record(prepared: Prepared, ticks: int) -> Recording:
 
 
 def run(prepared: Prepared, controller: Steps, ticks: int) -> None:
-    """Simulate `ticks` periods of the plant with `controller` in place of the drive's own.
+    """Simulate `ticks` periods of the plant with `controller` in place of the drive's own controller.
 
     StudyError: the controller fails.
     """

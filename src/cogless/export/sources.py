@@ -25,10 +25,9 @@ def licence() -> Path:
 
 
 def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
-    """Names of these headers, of all headers that they include, and of the .c files that belong to them;
-    sorted.
+    """Sorted names of the needed files, of all headers that these include, and of the headers' .c files.
 
-    `needed`: headers, such as "drive.h". `code` false: headers only.
+    `needed`: names such as "drive.h". `code` false: no .c files are added to the headers.
     """
     folder = control_sources() / "cogless"
     closed: set[str] = set()
@@ -47,15 +46,15 @@ def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
 
 
 def store() -> list[str]:
-    """Files that store maps in flash: .c files, and all headers that they include.
+    """Names of the files that store maps in flash: their .c files, and all headers that these include.
 
-    The headers name the structs of all laws; the .c files of those laws aren't needed.
+    The headers include those of all laws, since they name the laws' structs. No law's .c file is needed.
     """
     return closure((f"{name}{end}" for name in STORE for end in (".h", ".c")), code=False)
 
 
 def with_library(texts: Mapping[str, str], names: Iterable[str]) -> dict[str, bytes]:
-    """Contents of an export: these texts, and of the control library these files and its licence."""
+    """Contents of an export: `texts`, the control library's files called `names`, and its licence."""
     library = control_sources() / "cogless"
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
     own = {name: text.encode() for name, text in texts.items()}
@@ -63,7 +62,7 @@ def with_library(texts: Mapping[str, str], names: Iterable[str]) -> dict[str, by
 
 
 def defined_in() -> dict[str, str]:
-    """For each function of the control library, the name of the .c file that defines it, without suffix."""
+    """{function of the control library: name of the .c file that defines it, without suffix}."""
     files = sorted((control_sources() / "cogless").glob("*.c"))
     return {
         name: path.stem for path in files for name in DEFINITION.findall(path.read_text(encoding="utf-8"))
@@ -71,7 +70,7 @@ def defined_in() -> dict[str, str]:
 
 
 MANIFEST = "export.json"
-COMPILED = (".o", ".obj", ".d", ".exe", "")  # endings of files that compilers write beside sources
+COMPILED = (".o", ".obj", ".d", ".exe", "")  # suffixes of files that compilers write next to sources
 
 
 def check(folder: Path) -> None:
@@ -97,9 +96,10 @@ def check(folder: Path) -> None:
 
 
 def write(folder: Path, files: Mapping[str, bytes], facts: Mapping[str, Any]) -> None:
-    """Write these files (by path in the folder) and a manifest with `facts` and their checksums.
+    """Replace the folder by these files (by path in the folder) and a manifest.
 
-    StudyError: the folder can't be written, or it holds something else than an unchanged export.
+    The manifest holds `facts` and the files' checksums. StudyError: the folder can't be written, or it holds
+    something other than an unchanged export.
     """
     check(folder)
     manifest = {**facts, "files": {name: _sum(data) for name, data in sorted(files.items())}}
@@ -119,7 +119,7 @@ def write(folder: Path, files: Mapping[str, bytes], facts: Mapping[str, Any]) ->
 
 
 def size(files: Mapping[str, bytes], matrix: int) -> str:
-    """How large an export with a learning matrix of so many bytes is, for a line before it is written."""
+    """Text on the size of an export's files and of its learning matrix. `matrix`: bytes of the matrix."""
     whole, largest = sum(map(len, files.values())), max(files, key=lambda name: len(files[name]))
     return (
         f"{whole / 1e6:.3g} MB of files, {len(files[largest]) / 1e6:.3g} MB of them {largest}; "
@@ -128,7 +128,7 @@ def size(files: Mapping[str, bytes], matrix: int) -> str:
 
 
 def _swap(fresh: Path, target: Path, old: Path) -> None:
-    """Replace the target by the new folder, and move it to `old`; if that fails, it is put back."""
+    """Move the folder `target` to `old` if it exists, then `fresh` to `target`; on an error, undo this."""
     if not target.exists():
         os.rename(fresh, target)
         return
@@ -150,7 +150,7 @@ def _sums(folder: Path) -> dict[str, str] | None:
 
 
 def _is_compiled(path: Path, sums: Mapping[str, str]) -> bool:
-    """Whether a compiler made a file from one of the export's sources; it goes with them."""
+    """Whether a compiler made the file from one of the export's sources, so that it may be replaced."""
     return path.suffix in COMPILED and any(
         source.suffix == ".c" and source.stem == path.stem for source in map(Path, sums)
     )

@@ -16,8 +16,8 @@ RECORD = "record"  # begins the keys of what a log should have: record.kind, rec
 class Advice(str):
     """A sentence and the changes that it advises; each change helps without the others.
 
-    A change has values by dotted key. A key is one of the file of columns, such as motor.K_t, or of a log to
-    record, such as record.kind. The tests apply each change and identify again.
+    A change maps dotted keys to values. A key names a value in the file of columns, such as motor.K_t, or a
+    property of a log to record, such as record.kind. The tests apply each change and identify again.
     """
 
     cures: tuple[Cure, ...]
@@ -29,7 +29,7 @@ class Advice(str):
 
 
 class AdvisedError(StudyError):
-    """A mistake of the user, told in several sentences. Some of them advise."""
+    """A mistake of the user, with several sentences as its message. Some sentences advise."""
 
     def __init__(self, *lines: str) -> None:
         super().__init__("\n".join(lines))
@@ -37,17 +37,17 @@ class AdvisedError(StudyError):
 
     @property
     def mistakes(self) -> tuple[str, ...]:
-        """The sentences, those that advise with their changes."""
+        """The sentences. A sentence that advises is an `Advice`, which has its changes."""
         return self._mistakes
 
 
 def recording(**values: Any) -> Cure:
-    """The change that records a log, with these properties."""
+    """The change that asks for a log with these properties."""
     return {f"{RECORD}.{key}": value for key, value in values.items()}
 
 
 def logs_of_kind(*kinds: str) -> Cure:
-    """The change that records logs of these kinds."""
+    """The change that asks for logs of these kinds."""
     return recording(kind=kinds)
 
 
@@ -57,7 +57,7 @@ def advice_of(lines: Iterable[str]) -> list[Advice]:
 
 
 def changed(tables: Mapping[str, Any], cure: Cure) -> dict[str, Any]:
-    """The tables of a file of columns after a change. A datasheet's word for the changed value is removed.
+    """The tables of a file of columns after a change. Datasheet keys that give the changed value are removed.
 
     ValueError: the change is to a log, not to the file of columns.
     """

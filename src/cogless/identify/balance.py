@@ -3,8 +3,8 @@
     i_q = j alpha + b omega + c sgn omega + offset + load - cogging(theta) - i_q ripple(theta)
           + encoder's error + friction waves + Stribeck + sticking,   all at the current's time less the delay
 
-The current is never interpolated: the angle, which is smooth, is taken at the current's time. So the mean of
-i_q times a wave is right even where the wave is faster than the rows. All terms pass one Gaussian.
+The current is never interpolated. The angle is smooth, so the angle is taken at the current's time. So the
+mean of i_q times a wave is right even where the wave is faster than the rows. One Gaussian filters all terms.
 """
 
 from __future__ import annotations
@@ -22,21 +22,22 @@ from cogless.identify.log import Log
 from cogless.results.trace import Array
 
 LADDER = (0.006, 0.009, 0.013, 0.02, 0.03, 0.045, 0.07, 0.1)  # s, widths of the acceleration's instruments
-WIDE_INSTRUMENT = 5  # of the ladder, before another is chosen
-ROW_SPACING = 0.8  # distance of the rows that stay, in widths of the kernel
-# rad that a visible wave turns in a row, and in a period of the law, at most
+WIDE_INSTRUMENT = 5  # index in LADDER of the instrument that is used until another is chosen
+ROW_SPACING = 0.8  # distance of the filtered rows, in widths of the kernel
+# largest phase of a visible wave, rad: from row to row, and in a period of the law
 SEEN_PHASE, HELD_PHASE = 2.4, 1.2
-ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own where its phase is not known
-KERNEL_WIDTH = 6e-3  # s, before the noises are known
+# rad from row to row: up to this phase a log gets columns of its own for a wave whose phase is not known
+ALIASED_PHASE = 2.8
+KERNEL_WIDTH = 6e-3  # s, the kernel's width until the noises are known
 CREEP_SHARE = 0.05  # share of a log's median speed
-STILL_DEVIATIONS = 3  # standard deviations of an angle's change, within which the rotor may stand
-LOG_BLOCKS = 12  # of a log, which a jackknife leaves out one by one
-STANDING_ROWS_LEAST = 1  # rows of a rotor that stands, which tell its friction when any block is left out
+STILL_DEVIATIONS = 3  # standard deviations of the angle's change: a rotor that moves by less may stand
+LOG_BLOCKS = 12  # blocks of a log; a jackknife leaves out one at a time
+STANDING_ROWS_LEAST = 1  # rows of a standing rotor that must remain when any one block is left out
 WAVE_RATE_SHARE = 1 / 3  # share of the rate of rows: a faster wave is not seen
-BLUR_PHASE = 3.0  # rad that a wave turns in a width of the kernel, which leaves a hundredth of it
-# smallest width of a kernel: SEEN_PHASE passes as BLUR_PHASE, and its alias is below .2 %
+BLUR_PHASE = 3.0  # rad in a width of the kernel: the kernel leaves a hundredth of a wave of this phase
+# smallest width of a kernel, rows: a wave of SEEN_PHASE a row has BLUR_PHASE a width, its alias is below .2 %
 WIDTH_ROWS = BLUR_PHASE / SEEN_PHASE
-MEAN_WIDTH_ROWS = 2.5  # that of mean currents, which show a faster wave too small
+MEAN_WIDTH_ROWS = 2.5  # smallest width for mean currents, rows; they show a faster wave too small
 Name = tuple[str | int, ...]
 Filter = Callable[..., Array]
 Pairs = Mapping[int, tuple[float, float]]
@@ -44,14 +45,14 @@ Pairs = Mapping[int, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Model:
-    """What the balance has. Orders are mechanical.
+    """The terms of the balance. Orders are mechanical.
 
     `delay`: time by which i_q is logged after the angle, s. `error`: (cos, sin) of the sensor's error by
-    order, rad, as it is taken out of the angle. `waves`, `j`: cogging, (cos, sin) by order, A, and inertia of
-    the fit before: with them the sensor's error shows in the place of the cogging. `friction`: orders in
-    which friction varies. `stribeck`: speed over which friction falls, rad/s; 0: it does not; it
-    is unsure by the factor `stribeck_ratio`. `widths`: of each
-    log's kernel, s. `untold`: columns that hold two things which cannot be told apart.
+    order, rad, which is subtracted from the angle. `waves`, `j`: cogging, (cos, sin) by order, A, and inertia
+    of the fit before. The columns of the sensor's error need them, since the error shifts the cogging.
+    `friction`: orders in which friction varies. `stribeck`: speed over which friction falls, rad/s, 0 for
+    none; the factor `stribeck_ratio` is the speed's uncertainty. `widths`: width of each log's kernel, s.
+    `untold`: columns whose coefficient is the sum of two effects that these logs cannot separate.
     """
 
     cogging: tuple[int, ...] = ()
@@ -75,14 +76,14 @@ class Model:
 
 @dataclass(frozen=True)
 class Sensor:
-    """Steps of the measured angle, rad (0: none), pole pairs, and the period of the law's current, s."""
+    """Step of the measured angle, rad (0: none), pole pairs, and the time for which the law holds i_q, s."""
 
     step: float
     pole_pairs: int
     hold_period: float = 0.0
 
     def top(self, log: Log) -> float:
-        """Angular frequency of the fastest wave whose phase a log can tell, rad/s."""
+        """Angular frequency of the fastest wave whose phase can be known from a log, rad/s."""
         by_rows = SEEN_PHASE / log.dt if log.dt else np.inf
         return min(by_rows, HELD_PHASE / self.hold_period if self.hold_period else np.inf)
 
@@ -91,9 +92,10 @@ class Sensor:
 class Rows:
     """Filtered rows of one log: y = columns @ coefficients + residual.
 
-    `noise`: variance that a column owes to the angle's noise, by row, of the columns that have one. `at`: the
-    log's row in the middle of each. `theta`, `omega`: there. `instruments`: the acceleration by wider
-    kernels, a row for each of LADDER.
+    `noise`: variance of a column by the angle's noise, for each row, of the columns computed from the angle.
+    `at`: the log's row in the middle of each filtered row; `theta` and `omega` are taken there.
+    `instruments`: the acceleration by wider kernels, a row for each width of LADDER. `spacing`: time between
+    filtered rows, s.
     """
 
     log: Log
@@ -108,7 +110,7 @@ class Rows:
     spacing: float = 0.0  # s
 
     def without(self, kind: str, order: int) -> Rows:
-        """These rows without the columns of a kind and order; a log's own waves are cogging."""
+        """These rows without the columns of a kind and order. Cogging has columns "cogging" and "own"."""
         kinds = ("cogging", "own") if kind == "cogging" else (kind,)
         removed = [(column_kind, order) for column_kind in kinds]
         stay = np.array([name[:2] not in removed for name in self.names])
@@ -117,12 +119,12 @@ class Rows:
 
 
 def narrowest_width(log: Log) -> float:
-    """Smallest width of a log's kernel by its rows, s."""
+    """Smallest width of a log's kernel that the log's row spacing allows, s."""
     return (MEAN_WIDTH_ROWS if log.mean_current else WIDTH_ROWS) * log.dt
 
 
 def all_names(rows: Sequence[Rows]) -> tuple[Name, ...]:
-    """Names of all columns, in the order of their first place."""
+    """Names of all columns, in the order in which they first occur."""
     return tuple(dict.fromkeys(name for stretch in rows for name in stretch.names))
 
 
@@ -142,7 +144,7 @@ def _error(theta: Array, model: Model) -> Array:
 
 
 def _waves(theta: Array, orders: Iterable[int]) -> Iterator[tuple[int, NDArray[np.complex128]]]:
-    """Yield each order n with e^(j n theta), which the next overwrites, by products instead of sines."""
+    """Yield each order n with e^(j n theta), by products instead of sines. Each yield reuses the array."""
     powers = [np.empty(len(theta), np.complex128)]  # 1, 2, 4, ... of e^(j theta)
     np.cos(theta, out=powers[0].real)
     np.sin(theta, out=powers[0].imag)
@@ -205,7 +207,7 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
     noise = angle_noise(log, stretch, sensor.step)
     share = np.minimum(1.0, moved) * noise  # slower, the steps are a sawtooth
     derived = {("j",): kernel.acceleration, ("b",): kernel.speed}
-    # at a reversal friction is not that of sliding
+    # near a reversal the friction is not sliding friction, so these rows are left out
     creeping = max(CREEP_SHARE * float(np.median(np.abs(slow))), 1e-9)
     slowest = max(_slowest(sensor.step, REACH_WIDTHS * width), creeping)
     free = (np.abs(rubbing) > 0.999) & (np.abs(omega) > slowest)
@@ -234,10 +236,10 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
 
 
 def _standing(theta: Array, resolved: float, creeping: float, width: float) -> NDArray[np.bool_]:
-    """Whether the rotor stands, as a kernel of this width in rows resolves it.
+    """Whether the rotor stands, for each row. `width`: of the kernel, in rows.
 
-    It moves by less than `resolved`, rad, in the rows in which `creeping`, rad a row, moves it as far. A
-    shorter stand than the kernel's width does not count.
+    A rotor that creeps by `creeping`, rad a row, needs some rows to move by `resolved`, rad. A rotor stands
+    if it moves by `resolved` or less in as many rows. A stand shorter than the kernel's width does not count.
     """
     stands = np.zeros(len(theta), np.bool_)
     rows = int(np.ceil(np.clip(resolved / creeping, 1.0, len(theta) - 1.0)))
@@ -267,7 +269,7 @@ def _by_angle(
     speed, way, top = np.abs(slow), np.sign(slow), sensor.top(log)
     fastest = float(np.max(speed))
     columns: dict[Name, Array] = {}
-    slope = np.zeros_like(turned)  # of the cogging over the angle, by J
+    slope = np.zeros_like(turned)  # slope of the cogging over the angle, divided by j
     errors: dict[int, tuple[Array, Array]] = {}
     orders = {*model.cogging, *model.ripple, *model.encoder, *model.friction, *model.waves}
     for n, wave in _waves(turned, orders):
@@ -286,7 +288,7 @@ def _by_angle(
             if seen is not None and np.mean(~seen) > 0.5 < np.mean(n * speed * log.dt < ALIASED_PHASE):
                 for part, x in zip("cs", (cosine, sine), strict=True):
                     columns["own", n, part, log.name] = -filtered(x * (1 - share))
-        if n in model.ripple:  # a wave of the magnet's flux, psi_d: by i_q, by its slope with i_d
+        if n in model.ripple:  # The wave of the magnet's flux psi_d acts on i_q, the wave's slope on i_d.
             along = n / sensor.pole_pairs * direct
             columns["ripple", n, "c"] = -filtered(current * cosine - along * sine)
             columns["ripple", n, "s"] = -filtered(current * sine + along * cosine)
@@ -300,27 +302,27 @@ def _by_angle(
 
 
 def _faded(seen: NDArray[np.bool_], width: float) -> Array:
-    """The share of a wave that is modelled: 1 where it is seen, fading to 0 like the kernel, `width` in rows.
+    """The share of a wave that is modelled: 1 where the wave is seen, fading to 0 over `width` rows.
 
-    A kernel that hides a wave shows its end where it is cut off at once: a part of half a turn, whose place
-    is the same in all ramps over the same angles, and which an inertia takes up.
+    Were the wave cut off at once, the kernel would hide the wave but show the cut, as a part of half a turn.
+    The cut is at the same place in all ramps over the same angles, and would change the inertia of the fit.
     """
     return np.asarray(gaussian_filter1d(seen.astype(np.float64), width, mode="nearest"))
 
 
 def angle_noise(log: Log, stretch: slice, step: float) -> float:
-    """Variance of the angle's noise, rad^2: as it is measured, within what the sensor's steps explain."""
+    """Variance of the angle's noise, rad^2: the measured one, kept within step^2 / 24 and step^2 / 6."""
     measured = white_noise(log["theta"][stretch])
     return min(max(measured, step**2 / 24), step**2 / 6) if step else measured
 
 
 def _slowest(step_angle: float, window: float) -> float:
-    """Speed from which on a rotor surely turns, rad/s: some counts within the kernel."""
+    """Speed from which on a rotor surely turns, rad/s: two steps of the sensor within the window, s."""
     return 2 * step_angle / window
 
 
 def _instruments(alpha: Array, spacing: float) -> Array:
-    """The acceleration through wider kernels, which are free of what is fast in it."""
+    """The acceleration through each kernel of LADDER, a row each; these have no fast changes."""
     return np.array([_smooth(alpha, width / spacing) for width in LADDER]) / _weights(len(alpha), spacing)
 
 
@@ -330,7 +332,7 @@ def _smooth(x: Array, width: float) -> Array:
 
 @lru_cache(maxsize=32)
 def _weights(count: int, spacing: float) -> Array:
-    """What is left of the weights of each instrument near the ends of a log."""
+    """Sum of each instrument's weights at each row, a row for each; below 1 near the ends of a log."""
     return np.array([_smooth(np.ones(count), width / spacing) for width in LADDER])
 
 

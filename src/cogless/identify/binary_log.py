@@ -1,4 +1,4 @@
-"""Read the columns of an NPZ, Parquet or MAT file, and of traces of a run. Sizes are checked first."""
+"""Read the columns of an NPZ, Parquet or MAT file, and of a run's traces.nc. Sizes are checked first."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cogless.identify.log_files import (
     require_unpacked,
 )
 
-PIECE_BYTES = 1 << 16  # of a packed part that are read together
+PIECE_BYTES = 1 << 16  # bytes of a packed part that are read at once
 MAT_INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 MAT_NUMBERS = ("double", "single", "logical", *MAT_INTEGERS)
 MAT_PACKED = 15  # type of an element: miCOMPRESSED
@@ -50,7 +50,7 @@ def read_npz(path: Path, headings: list[str]) -> list[LogColumns]:
 
 
 def _npy_numbers(path: Path, name: str, size: int, member: IO[bytes]) -> int:
-    """How many numbers an array of an archive has, by its header, which agrees with its size in bytes."""
+    """The count of numbers in an array of an archive. StudyError: header and size in bytes disagree."""
     shape, _, dtype = NPY_HEADERS[np.lib.format.read_magic(member)](member)
     if dtype.hasobject:
         raise no_numbers(path, name)
@@ -74,7 +74,7 @@ def read_parquet(path: Path, headings: list[str]) -> list[LogColumns]:
         names = file.schema_arrow.names
         present = [name for name in headings if name in names]
         require_numbers(path, file.metadata.num_rows * len(present))
-        # Of the metadata no column is asked for: where one is damaged, the library ends the process.
+        # No column is read from the metadata: at a damaged one the library would end the process.
         groups = (file.metadata.row_group(group) for group in range(file.metadata.num_row_groups))
         require_numbers(path, sum(group.num_rows for group in groups) * len(present))
         table = file.read(columns=present, use_threads=False)

@@ -1,22 +1,23 @@
-"""What makes the waves of the speed: cogging, K_t ripple, dead time, currents' errors, encoder, mechanics.
+"""Causes of the waves of the speed: cogging, K_t ripple, dead time, currents' errors, encoder, mechanics.
 
-Every torque of an order n meets the same rotor and the same controller. So its share of the wave of the
-speed is its share of the disturbance D, in A:
+Every torque of an order n acts on the same rotor and the same controller. So a torque's share of the speed's
+wave is the torque's share of the disturbance D, in A:
 
     D = j (jnw) W + b W - I = cogging + i ripple(n) - j (nw)^2 encoder(n) ...
 
-W is the complex wave of the speed by the measured angle, I that of i_q. An encoder's error E counts as the
-torque that would move the rotor as the error seems to. It is the same at every speed, so this torque grows
-with the speed squared, and others do not: two speeds tell them apart, one does not.
+W is the complex wave of the speed by the measured angle, I is the wave of i_q. An encoder's error E counts as
+the torque that would cause the motion which E shows. E is the same at every speed, so this torque grows with
+the speed squared, and other torques do not. Two speeds tell E from a torque, one speed does not.
 
-Where D is next to nothing beside I, no torque has made I: the current of the log moves the rotor, as the
-bridge's voltages or the reference made it.
+Where D is much smaller than I, no torque has caused I: the bridge's voltages or the reference did, and I
+moves the rotor.
 
-The rotor itself moves by V = W - jnw E, as the controller answers the torques d with I = -C W:
+The rotor itself moves by V = W - jnw E. The controller answers the speed's wave with I = -C W. d are torques:
 
     (j jnw + b + C) V = d - C jnw E
 
-So E has the share I jnw E in the motion beside d W of a torque. Its own wave, jnw E, is measurement.
+So the motion has the part I jnw E by E, and the part d W by a torque d, up to a common factor. The wave
+jnw E of E itself is measurement, not motion.
 """
 
 from __future__ import annotations
@@ -37,22 +38,23 @@ COGGING, RIPPLE, DEAD_TIME = "cogging", "K_t ripple", "dead time"
 OFFSET, GAIN, ENCODER = "current offset", "current gain", "encoder"
 MECHANICS, UNEXPLAINED = "mechanics", "not explained"
 APPLIED = "applied current"  # of the bridge's voltages, or of a reference that ripples
-BEYOND = "beyond the rows"  # an order that is too fast for them, and which they show as another
+BEYOND = "beyond the rows"  # an order too fast for the rows, which show it as another order
 OR = " or "
-SLOW_ORDERS = 2  # up to it: unbalance and misalignment; magnets and slots have higher ones
+SLOW_ORDERS = 2  # highest order of unbalance and misalignment; magnets and slots have higher orders
 REFERENCE_ROWS = 4  # rows in which the current follows its reference
-# an order's largest cause is sure, or likely, if its share less its error is above these
+# an order's largest cause is sure, or likely, if the share minus the share's error is above these
 SURE_SHARE, LIKELY_SHARE = 0.8, 0.5
-GUESS_ERROR = 0.5  # error of a cause by its order alone, so that it is open
-SPEED_RATIO_LEAST = 1.5  # ratio of two speeds that tells a torque from an error of the angle
-REMAINDER_RATIO = 4.0  # ratio of what two explanations leave, from which on the better one counts
+GUESS_ERROR = 0.5  # error of a share that is known by the order's number alone; this makes the cause open
+SPEED_RATIO_LEAST = 1.5  # least ratio of two speeds that tells a torque from an error of the angle
+REMAINDER_RATIO = 4.0  # least ratio of the residuals of two explanations at which the better one counts
 UNEXPLAINED_MOST = 0.5  # share of an order that may stay unexplained
-BALANCED_SHARE = 0.25  # of the current's wave: with less of it left, the current is all that moves the rotor
+# disturbance over the current's wave: below this share only the current moves the rotor
+BALANCED_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause of an order's wave: its share of it, -+ its error at 95 %."""
+    """A cause of an order's wave: the cause's share of the wave, and the share's error at 95 %."""
 
     name: str
     share: float
@@ -63,9 +65,9 @@ class Cause:
 class OrderCauses:
     """An order of the speed in a log, and its causes, the largest first.
 
-    `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: of the motion by the angle, rms, rad/s;
-    `share`: of the whole ripple's square. `measured`: share of the order's square that is the sensor's
-    error, no motion.
+    `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: ripple of this order by the measured angle,
+    rms, rad/s. `share`: share of this order in the square of the whole ripple. `measured`: share of the
+    order's square that is the sensor's error, no motion.
     """
 
     log: str
@@ -150,7 +152,7 @@ def _attributed(
     if id(part) in responses and order == 6 * poles:
         _dead_time(estimate, part, order, responses[id(part)], phasors)
     offsets = estimate.offsets
-    if order == poles and offsets is not None:  # out of i_q already, as is dead time
+    if order == poles and offsets is not None:  # The offsets are out of i_q already, as is dead time.
         turned = [o * np.exp(-2j * np.pi / 3 * third) for third, o in enumerate(offsets)]
         phasors[OFFSET] = complex(-1j * 2 / 3 * sum(turned)), 0.0
     inside = sum(abs(phasors[name][0]) for name in (OFFSET, DEAD_TIME) if name in phasors)
@@ -178,7 +180,7 @@ def _attributed(
 
 
 def candidates(order: int, poles: int) -> str:
-    """What may make a wave of this order."""
+    """The causes that may make a wave of this order, joined by OR."""
     if order <= SLOW_ORDERS:
         return ENCODER + OR + MECHANICS
     if order == poles:
@@ -193,7 +195,7 @@ def candidates(order: int, poles: int) -> str:
 
 
 def guess(part: Steady, order: int, poles: int) -> list[Cause]:
-    """Possible causes of an order by its number. One is a faster order that the rows show as this one."""
+    """Possible causes of an order by its number. A faster order that the rows show as this one is BEYOND."""
     if order > part.waves.half_rate:
         return [Cause(BEYOND, 1.0, GUESS_ERROR)]
     names = candidates(order, poles)
@@ -232,10 +234,10 @@ def order_causes(part: Steady, order: int, causes: Sequence[Cause]) -> OrderCaus
 
 
 def _measured(estimate: Estimate, part: Steady, order: int) -> tuple[complex, float]:
-    """The disturbance of this order by angle and current, A, and its possible error.
+    """The disturbance of this order by angle and current, A, and the disturbance's possible error, A.
 
-    The angle's noise makes an error. So does the current that is held between the law's steps, since it
-    appears up to half a row early or late.
+    The angle's noise makes an error. A current that is held between the law's steps appears up to half a row
+    early or late, which makes an error, too.
     """
     omega = part.motion(order) + part.misread(order)
     assert estimate.fit is not None
@@ -248,7 +250,7 @@ def _measured(estimate: Estimate, part: Steady, order: int) -> tuple[complex, fl
 
 
 def disturbances(estimate: Estimate, part: Steady, order: int) -> Phasors:
-    """Waves of torque that the fit has for this order, over K_t, by cause."""
+    """The torque waves of this order in the fit, divided by K_t, by cause."""
     assert estimate.fit is not None
     fit, poles = estimate.fit, estimate.identification.motor.pole_pairs
     waves: Phasors = {}
@@ -259,7 +261,7 @@ def disturbances(estimate: Estimate, part: Steady, order: int) -> Phasors:
         before = waves.get(cause, (0j, 0.0))
         waves[cause] = before[0] + factor * complex(c, -s), float(np.hypot(before[1], abs(factor) * error))
 
-    stands_out = order != poles or fit.chance("cogging", order) < ORDER_CHANCE  # p is in every fit
+    stands_out = order != poles or fit.chance("cogging", order) < ORDER_CHANCE  # Every fit has the order p.
     if order in estimate.model.cogging and stands_out:
         add(_cogging(estimate, order), "cogging", 1.0)
     if order in estimate.model.ripple:
@@ -275,20 +277,20 @@ def disturbances(estimate: Estimate, part: Steady, order: int) -> Phasors:
 
 
 def _cogging(estimate: Estimate, order: int) -> str:
-    """What a torque of this order that depends on neither speed nor load may come from."""
+    """The possible causes of a torque of this order that depends on neither speed nor load."""
     poles = estimate.identification.motor.pole_pairs
     if order == poles and estimate.offsets is None:
         return COGGING + OR + OFFSET
-    if CURES["ripple"].format(order) in estimate.left_out:  # an error of the angle is a column of its own
+    if CURES["ripple"].format(order) in estimate.left_out:  # The angle's error has its own column in the fit.
         return candidates(order, poles).removesuffix(OR + ENCODER)
     return MECHANICS if order <= SLOW_ORDERS else COGGING
 
 
 def tracking(estimate: Estimate, parts: Sequence[Steady]) -> dict[int, tuple[complex, float]]:
-    """Waves of order 6 p by which i_q leaves its reference, A, with errors, by id of the part.
+    """Waves of order 6 p in the difference of i_q from its reference, A, with errors, by id of the part.
 
-    The current follows its reference within a few rows, in the same way in all parts. What is left at 6 p is
-    of the inverter and the magnets. Empty where no reference was recorded.
+    The current follows its reference within a few rows, in the same way in all parts. The inverter and the
+    magnets make the difference that is left at 6 p. Empty where no reference was recorded.
     """
     order = 6 * estimate.identification.motor.pole_pairs
     parts = [part for part in parts if "i_q_ref" in part.log and part.visible(order)]
@@ -317,7 +319,10 @@ def tracking(estimate: Estimate, parts: Sequence[Steady]) -> dict[int, tuple[com
 def _dead_time(
     estimate: Estimate, part: Steady, order: int, off: tuple[complex, float], phasors: Phasors
 ) -> None:
-    """Tell apart what disturbs the current: the inverter, and the back-EMF, which ripples as K_t does."""
+    """Split the current's disturbance `off` into dead time and back-EMF ripple; both go into `phasors`.
+
+    The back-EMF ripples as K_t does.
+    """
     wave, error = off
     if abs(wave) < error:
         return

@@ -1,4 +1,4 @@
-"""Orders of the angle in what a fit leaves, all of them at once, with a stated rate of false alarms."""
+"""Find orders of the angle in the residual of a fit, all orders at once, at a stated rate of false alarms."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from cogless.identify.jackknife import BLOCK_ROWS_LEAST, Fit
 from cogless.results.trace import Array
 from cogless.units import TURN
 
-FALSE_ALARM = 0.01  # chance that a search finds any order where there is none
+FALSE_ALARM = 0.01  # chance that a search finds an order in noise alone
 ORDER_HIGHEST = 420
 ANGLE_BINS = 4096  # bins per turn
-NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their gain over the strongest's
-BLOCK_SHARE = 1e-3  # information on an order over the largest block's, from which on a block counts
+NEW_MOST, NEW_SHARE = 4, 0.25  # most orders that a round adds, and their least gain over the strongest's
+BLOCK_SHARE = 1e-3  # least information of a block on an order, over that of the best block, for it to count
 BLOCKS_LEAST = 4
-STEP_SHARE = 0.1  # of the sensor's steps: rows fold these into orders of about this size, which repeat
+STEP_SHARE = 0.1  # share of a sensor's step: rows alias the steps into repeating orders of about this size
 ORDER_CHANCE = FALSE_ALARM / ORDER_HIGHEST  # Bonferroni
 
 
 def found_orders(
     residuals: Sequence[tuple[Rows, Array]], fit: Fit, model: Model, sensor: Sensor
 ) -> list[int]:
-    """The strongest new orders of the residual, the strongest first; none by chance at a rate of 1 %.
+    """The strongest new orders of the residual, the strongest first. In noise alone 1 % of searches find one.
 
     Each block of a log gives its own wave of each order: the scatter between blocks is the noise.
     """

@@ -28,7 +28,7 @@ class Identified:
 
 
 def identified(logs: Sequence[Path], columns: Path, progress: Progress) -> Identified:
-    """Identify a motor. StudyError: a mistake in a file, or logs that tell nothing."""
+    """Identify a motor. StudyError: a mistake in a file, or logs from which nothing can be identified."""
     if not columns.is_file():
         raise StudyError(f"{columns}: no such file: expected a TOML file that names the columns")
     identification = config.load(columns)
@@ -37,7 +37,7 @@ def identified(logs: Sequence[Path], columns: Path, progress: Progress) -> Ident
 
 
 def identified_logs(identification: Identification, logs: Sequence[Log], progress: Progress) -> Identified:
-    """Identify a motor from logs that are read. StudyError: logs that tell nothing."""
+    """Identify a motor from logs that are already read. StudyError: nothing can be identified from them."""
     estimate = estimate_motor(identification, list(logs), progress)
     estimate, traces = refined(estimate, progress)
     estimate = standing_out(estimate)
@@ -46,7 +46,7 @@ def identified_logs(identification: Identification, logs: Sequence[Log], progres
 
 
 def value_lines(estimate: Estimate) -> list[str]:
-    """What was found, a line each."""
+    """Lines of all values and waves, with their errors."""
     texts = []
     for key, (description, unit, name, torque) in write.VALUE_NAMES.items():
         if key in estimate.values:
@@ -63,11 +63,12 @@ def value_lines(estimate: Estimate) -> list[str]:
 
 
 def standing_out(estimate: Estimate) -> Estimate:
-    """The estimate without the orders that do not stand out of the errors that are told.
+    """The estimate without the orders that do not stand out of their final errors.
 
-    What found them was the fit's own error: delay and kernels of other widths add to it. Cogging may have
-    any order, so it must stand out at the chance of a search of all of them. A sentence names those that may
-    be larger than one that stays. An error of the encoder stays where the file of columns tells another.
+    The search compared orders with the fit's own error; delay and kernels of other widths add to that error.
+    Cogging may have any order, so cogging must stand out at the chance of a search of all orders. A sentence
+    names each dropped order that may be larger than one that stays. An encoder's error stays in any case if
+    the file of columns has an error of this order.
     """
     clear_waves, remarks = dict[str, Any](), []
     for kind, name, factor, unit in estimate.kinds:

@@ -1,4 +1,4 @@
-"""The file that says what a drive's logs hold: columns, kinds of logs, what is known of motor and drive."""
+"""The file of columns: it describes the columns and kinds of a drive's logs, the motor and the drive."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ Kind = Literal[
     "acceleration",
     "coast-down",
     "load",  # a load that is constant within the log, and not known
-    "bridge-off",  # the motor carries no current; the phase currents show their offsets
-    "table-on",  # an anti-cogging table is on; i_q has its current
+    "bridge-off",  # the motor carries no current; the phase currents show the offsets of their sensors
+    "table-on",  # an anti-cogging table is on; i_q includes the table's current
 ]
-COUNT = "count"  # a unit of the angle: of the position sensor
+COUNT = "count"  # a unit of the angle: a count of the position sensor
 SIGNALS: dict[str, Dimension] = {
     "t": units.TIME,
     "theta": units.ANGLE,
@@ -50,7 +50,7 @@ SIGNALS: dict[str, Dimension] = {
 
 
 def _unit_factor(unit: str, dimension: Dimension) -> float:
-    """Factor from a unit, or from a number of it such as "125 us", to SI. UnitError: it is neither."""
+    """Factor to SI from a unit, or from a number with a unit such as "125 us". UnitError: neither of them."""
     number_and_unit = units.NUMBER_AND_UNIT.fullmatch(unit)
     if number_and_unit is None or number_and_unit[2].startswith("/"):  # "1/s" is a unit
         return units.factor(unit, dimension)
@@ -114,12 +114,12 @@ class Identification(Table):
 
     @property
     def described_in(self) -> str:
-        """What has the motor and the drive, for messages."""
+        """The name that messages give to what describes the motor and the drive."""
         return self._described_in
 
     @property
     def replay_rule(self) -> str:
-        """When a log can be replayed, for messages."""
+        """The condition on which a log can be replayed, for messages."""
         return self._replay_rule
 
     @field_validator("columns")
@@ -189,7 +189,7 @@ class Identification(Table):
         return self._tables
 
     def factor(self, signal: str) -> float:
-        """What a number of this signal's column is multiplied with to be SI."""
+        """The factor that converts a number of this signal's column to SI."""
         column = self.columns[signal]
         factor = column.sign * column.scale
         if column.unit == COUNT:
@@ -197,7 +197,7 @@ class Identification(Table):
         return factor * (_unit_factor(column.unit, SIGNALS[signal]) if column.unit else 1.0)
 
     def rule(self, file: str) -> LogRule:
-        """What is known of a file, by the first rule that its name matches."""
+        """The first rule that matches the name of a file, or an empty rule."""
         return next((rule for rule in self.log if fnmatchcase(file, rule.file)), LogRule(file="*"))
 
 
@@ -216,10 +216,10 @@ def from_tables(
     described_in: str = "",
     replay_rule: str = "",
 ) -> Identification:
-    """The tables of a file of columns, validated. `path`: where they are from, which a StudyError names.
+    """The tables of a file of columns, validated. `path`: the file of the tables, which a StudyError names.
 
-    `laws`: controllers that may be laws in Python; the code of any other would run unsaid. `described_in`:
-    what has the motor and the drive; `replay_rule`: when a log can be replayed; for messages.
+    `laws`: controllers that may be laws in Python; any other is refused, since its code would run without
+    the user's knowledge. `described_in`, `replay_rule`: for messages, as in the properties of these names.
     """
     source = with_datasheet(path, tables)
     try:

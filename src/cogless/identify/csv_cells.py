@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-NO_NUMBER = ("", "na", "n/a", "null", "none")  # cells, in small letters, beside "nan", which float reads
+NO_NUMBER = ("", "na", "n/a", "null", "none")  # cells without a number, in small letters; float reads "nan"
 OTHER = {".": ",", ",": "."}
 SPACES = " '\u2019\u00a0\u2009\u202f"  # which separate thousands in some languages
-GROUPED = {  # thousands are in groups of three digits, the first of which has no zero before it
+GROUPED = {  # Numbers with separators of thousands, by the decimal mark. They do not begin with a zero.
     decimal: re.compile(rf"([+-]?[1-9]\d{{0,2}}(?:([{re.escape(other)}{SPACES}])\d{{3}})(?:\2\d{{3}})*)"
                         rf"(?:{re.escape(decimal)}(\d*))?")
     for decimal, other in OTHER.items()
@@ -20,12 +20,12 @@ CLOCK = re.compile(
 
 
 def lacks_number(text: str) -> bool:
-    """Whether a cell says that it has no number."""
+    """Whether a cell is empty or says that there is no number."""
     return text.strip().lower() in NO_NUMBER
 
 
 def is_number(text: str) -> bool:
-    """Whether Python reads a cell."""
+    """Whether Python's float reads a cell."""
     try:
         float(text)
     except ValueError:
@@ -39,9 +39,9 @@ def is_number_of_a_language(text: str) -> bool:
 
 
 def seconds(text: str) -> float | None:
-    """Seconds of "12:00:00.000", of "00:12.345" with minutes only, of "1:00:00 PM"; None: it is no time.
+    """Seconds of a time such as "12:00:00.000", "00:12.345" (minutes first) or "1:00:00 PM"; None: no time.
 
-    A date before it is ignored.
+    A date before the time is ignored.
     """
     time = CLOCK.fullmatch(text.strip())
     if time is None:
@@ -54,9 +54,10 @@ def seconds(text: str) -> float | None:
 
 
 def decimal_mark(cells: Iterable[str]) -> str:
-    """The mark before decimals, "." or ","; "": the cells leave a choice, or contradict each other.
+    """The mark before decimals, "." or ","; "": both are possible, or the cells contradict each other.
 
-    Of two marks the last one is it. One that comes twice is not. Thousands have theirs before three digits.
+    In a cell with both marks the last one is decimal. A mark that comes twice alone separates thousands. One
+    mark before three digits may be either.
     """
     marks = {mark for cell in cells if (mark := _decimal_of(cell))}
     return marks.pop() if len(marks) == 1 else ""
@@ -76,10 +77,10 @@ def _decimal_of(cell: str) -> str:
 
 
 def plain(text: str, decimal: str) -> str:
-    """The cell as Python reads it. `decimal`: its mark; a number of thousands has no other one."""
+    """The cell as text for Python's float, without separators of thousands. `decimal`: the decimal mark."""
     text = text.strip()
     if grouped := GROUPED[decimal].fullmatch(text):
         return grouped[1].replace(grouped[2], "") + "." + (grouped[3] or "0")
     if decimal == "," and "." in text:
-        return text.replace(".", "?")  # a point that separates no thousands
+        return text.replace(".", "?")  # The point separates no thousands, so float must refuse the text.
     return text.replace(decimal, ".")

@@ -28,12 +28,12 @@ from cogless.results.trace import Array
 
 BLOCK_CHARACTERS = 1 << 22  # read at once; a longer line is refused
 DELIMITERS = (",", ";", "\t")
-SPACE = " "  # separates columns where none of the others does
+SPACE = " "  # separates columns in files without any of DELIMITERS
 LONGEST_PREAMBLE = 50  # lines
 COMMENT_MARKS = ("#", "%")  # at the beginning of a line before the heading
-SNIFFED_BYTES = 1 << 16  # of a file, by which its encoding is known
+SNIFFED_BYTES = 1 << 16  # bytes at the beginning of a file that show its encoding
 EMPTY_LINES_MOST = 10_000  # one after the other
-LANGUAGE_ROWS = 1000  # by which the mark before decimals is known
+LANGUAGE_ROWS = 1000  # first rows, which show the mark before decimals
 
 
 def read_csv(path: Path, headings: list[str]) -> list[LogColumns]:
@@ -72,7 +72,7 @@ def _opened(path: Path) -> IO[str]:
 
 
 def _encoding(first: bytes) -> str:
-    """UTF-16 by its mark, or UTF-8; text that is neither is Latin-1, where a micro sign is one byte."""
+    """The encoding: UTF-16 if its mark is there, else UTF-8, else Latin-1, where a micro sign is one byte."""
     if first.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     try:
@@ -147,7 +147,7 @@ def _cells(block: list[str], delimiter: str, places: Collection[int], rows: int 
 
 
 def _are_units(block: list[str], delimiter: str, places: list[int]) -> bool:
-    """Whether the first row has no number, and the second has only such: they may have decimal commas."""
+    """Whether the first row has no number and the second only numbers, with decimal points or commas."""
     rows = _cells(block, delimiter, places)
     if len(rows) < 2 or any(map(is_number_of_a_language, rows[0])):
         return False
@@ -157,9 +157,9 @@ def _are_units(block: list[str], delimiter: str, places: list[int]) -> bool:
 def _language(
     block: list[str], delimiter: str, places: Mapping[str, int]
 ) -> tuple[str, bool, dict[str, str]]:
-    """The mark before decimals, whether it is sure, and the first cell of each column that has times of day.
+    """The mark before decimals, whether the mark is sure, and the first cell of each column of times of day.
 
-    Commas that separate no cells are decimal where no row has a point.
+    Commas that separate no cells are taken for decimal if no number has a point.
     """
     rows = _cells(block, delimiter, places.values(), LANGUAGE_ROWS)
     clocks = {
@@ -178,7 +178,7 @@ def _language(
 def _without_half_a_line(
     path: Path, blocks: Iterable[list[str]], delimiter: str, cells: int, remarks: list[str]
 ) -> Iterator[list[str]]:
-    """The lines, without a last one that has fewer cells: the recorder was switched off in it."""
+    """The lines, without a last line that has fewer cells: there the recorder was switched off."""
     before: list[str] = []
     for lines in blocks:
         if before:
@@ -192,7 +192,7 @@ def _without_half_a_line(
 
 
 def _delimiter(line: str, headings: list[str]) -> str:
-    """What separates a heading's cells: spaces only where they give two of the wanted headings or more."""
+    """The delimiter of a heading's cells. It is a space only if spaces give two wanted headings or more."""
     delimiter = max(DELIMITERS, key=line.count)
     spaced = delimiter not in line and len(set(_heading_cells(line, SPACE)) & set(headings)) > 1
     return SPACE if spaced else delimiter
@@ -208,7 +208,10 @@ def _single_spaces(line: str, delimiter: str) -> str:
 
 
 def _heading_row(block: list[str], first_row: int, headings: list[str]) -> int:
-    """The row with two of the wanted headings or more, or the first: recorders write text before it."""
+    """The index of the first row with two wanted headings or more, else `first_row`.
+
+    Some recorders write text before the heading.
+    """
     for row, line in enumerate(block[first_row : first_row + LONGEST_PREAMBLE + 1], first_row):
         if len(set(_heading_cells(line, _delimiter(line, headings))) & set(headings)) > 1:
             return row
@@ -218,7 +221,7 @@ def _heading_row(block: list[str], first_row: int, headings: list[str]) -> int:
 def _rows_only(
     path: Path, blocks: Iterable[list[str]], first: str, delimiter: str, remarks: list[str]
 ) -> Iterator[list[str]]:
-    """The lines without headings that repeat the first: some recorders write it anew at each start."""
+    """The lines without repetitions of the heading: some recorders write the heading at each start."""
     if delimiter == SPACE:
         remarks.append(f"{path.name}: spaces are taken for the separators of columns.")
     heading, repeated = _single_spaces(first, delimiter).strip(), 0
@@ -238,9 +241,9 @@ def _rows_only(
 class _Table:
     """How the rows of a file become numbers.
 
-    `decimal`: mark before decimals. `sure`: whether other cells show it, so that the other mark can only
-    separate thousands. `clocks`: first cell of each column that has times of day. `thousands`: what is said
-    of their separators.
+    `decimal`: mark before decimals. `sure`: whether other cells show this mark, so that the other mark can
+    only separate thousands. `clocks`: first cell of each column of times of day. `thousands`: the remark on
+    separators of thousands, once there are any.
     """
 
     path: Path
@@ -275,7 +278,10 @@ class _Table:
         return numbers
 
     def checked(self, lines: list[str], before: int) -> Array:
-        """The same, cell by cell; StudyError: column and row, of which so many were before these lines."""
+        """The numbers of the lines, cell by cell. StudyError names column and row.
+
+        `before`: the count of rows before these lines.
+        """
         rows: list[list[float]] = []
         for values in csv.reader(lines, delimiter=self.delimiter, skipinitialspace=True):
             if not values:
@@ -318,7 +324,7 @@ class _Table:
 
 
 def _seconds(text: str) -> float:
-    """Seconds of a time of day; ValueError: it is none."""
+    """Seconds of a time of day. ValueError: the text is no time."""
     time = seconds(text)
     if time is None:
         raise ValueError

@@ -1,4 +1,4 @@
-"""A study, as tables, of the motor that an estimate describes; the logs become its scenarios."""
+"""Make the tables of a study of an estimated motor. The logs become scenarios of the study."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ from cogless.study.position_sensor import Counted
 from cogless.study.reference import Reference
 from cogless.units import TURN
 
-STEADY_TIME_LEAST = 1.0  # s at a steady speed, from which on they have a ripple
-STEADY_SHARE = 0.75  # last share of a steady speed's time: before it, the controller settles
-TURNED_LEAST = 1.1 * TURN  # rad in the last part, for its orders
+STEADY_TIME_LEAST = 1.0  # s at a steady speed, below which a scenario gets no metric of ripple
+STEADY_SHARE = 0.75  # last share of the time at a steady speed, which metrics use; before, the law settles
+TURNED_LEAST = 1.1 * TURN  # rad turned in the last part, below which a scenario gets no metric of orders
 PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 
 
 def motor(estimate: Estimate) -> dict[str, Any]:
-    """The motor's table: what was known, and cogging and ripple as they were found.
+    """The motor's table: the described values, and cogging and ripple as identified.
 
-    What is cogging or an offset of the current is cogging here: measured current and speed are the same.
+    A wave that is either cogging or a current's offset is cogging here: both give the same measured current
+    and speed.
     """
     described, star = estimate.identification.tables["motor"], estimate.identification.motor.star()
     described_keys = {key: value for key, value in described.items() if key != "datasheet"}
@@ -56,9 +57,9 @@ def motor(estimate: Estimate) -> dict[str, Any]:
 
 
 def mechanics(estimate: Estimate) -> dict[str, Any]:
-    """Inertia, friction, and an offset of the current as a load. KeyError: no inertia.
+    """The table of inertia, friction, and the current's offset as a load. KeyError: no inertia.
 
-    A friction that can't be told is left out, and what varies of it where it would drive the rotor.
+    A friction that was not identified is left out. Its waves are left out if they could drive the rotor.
     """
     table: dict[str, Any] = {"inertia": f"{estimate.values['j'].times(estimate.K_t).value:.6g} kg*m^2"}
     for key, name, unit in (("c", "coulomb_friction", "N*m"), ("b", "viscous_friction", "N*m*s/rad")):
@@ -84,18 +85,18 @@ def mechanics(estimate: Estimate) -> dict[str, Any]:
 
 
 def load_or_offset(estimate: Estimate) -> float:
-    """The offset of i_q, or a load, A; 0: it is not larger than its error."""
+    """The offset of i_q, which may be a load, A; 0 if it is not larger than its error."""
     offset = estimate.values.get("offset", Value(0.0, 0.0))
     return offset.value if abs(offset.value) > offset.error else 0.0
 
 
 def sensed(estimate: Estimate) -> tuple[Wave, ...]:
-    """What was found of the encoder's error, where the drive's sensor can have one in a study."""
+    """The identified waves of the encoder's error, or none if a study's sensor of this kind has no error."""
     return estimate.encoder if isinstance(estimate.identification.drive.position_sensor, Counted) else ()
 
 
 def drive(estimate: Estimate) -> dict[str, Any]:
-    """The drive's table; what was found of its sensor's error takes the place of what the file said."""
+    """The drive's table. An identified wave of the sensor's error replaces the file's of this order."""
     table = dict(estimate.identification.tables["drive"])
     sensor_in_file = estimate.identification.drive.position_sensor
     waves = {wave.order: wave for wave in sensed(estimate)}
@@ -129,7 +130,7 @@ def scenario_name(log: Log) -> str:
 
 
 def scenario(estimate: Estimate, log: Log) -> dict[str, Any]:
-    """The scenario of a log whose reference is known: it begins where the log does."""
+    """The scenario of a log whose reference is known. It begins at the log's first angle and speed."""
     rules = zip(estimate.identification.tables["log"], estimate.identification.log, strict=True)
     table = next(table for table, rule in rules if rule == log.rule)
     rows = log.stretches[0]
@@ -163,9 +164,9 @@ def replayable(estimate: Estimate) -> list[Log]:
 
 
 def metrics(scenarios: Mapping[str, Mapping[str, Any]], orders: Sequence[int] = ()) -> list[dict[str, Any]]:
-    """Ripple and these orders of the speed, where scenarios end at a steady one; none where no scenario does.
+    """Metrics of the speed's ripple and of these orders, over the scenarios that end at a steady speed.
 
-    Over a reversal or an acceleration a ripple means nothing.
+    Over a reversal or an acceleration a ripple means nothing. The list is empty if no scenario ends steadily.
     """
     steady = {name: steady_for(one["reference"], one["duration"]) for name, one in scenarios.items()}
     steady = {name: time for name, time in steady.items() if time >= STEADY_TIME_LEAST}
@@ -183,7 +184,7 @@ def metrics(scenarios: Mapping[str, Mapping[str, Any]], orders: Sequence[int] = 
 
 
 def steady_for(reference: Any, duration: str) -> float:
-    """Time for which a reference, as in a study, holds the speed that it ends with, s; 0: it ends at rest."""
+    """Time for which a study's reference holds its last speed, s; 0 if it does not end at a steady speed."""
     course, end = Reference.model_validate(reference), units.parse(duration, units.TIME)
     points = course.points or ((0.0, course.speed),)
     last = points[-1][1]

@@ -1,4 +1,4 @@
-"""Where the ripple comes from: the answer first, causes of each log and of its orders, what stays open."""
+"""Find the causes of the speed's ripple: the main cause, those of each log and order, and what stays open."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from cogless.units import TURN
 
 NO_ORDER = "no order"  # of the rotor's motion: vibration, or slow changes of the speed
 LINE_SHARE_LEAST = 0.01  # share of the ripple's square: an order below it has no line
-CANCELLED_SHARE = 0.2  # share of an order: causes that cancel by more are told
+CANCELLED_SHARE = 0.2  # share of an order: a sentence reports causes that cancel by more
 ROWS_A_WAVE = 2.5  # rows that show an order, with some to spare
 
 
@@ -73,7 +73,7 @@ class Diagnosis:
     def causes(self, log: str) -> dict[str, float]:
         """Share of each cause in the square of a log's ripple, the largest first.
 
-        What opposes an order's ripple has no part in it; the others share what is left of it.
+        A cause that opposes an order's ripple counts as 0; the other causes share the order's ripple.
         """
         shares: dict[str, float] = defaultdict(float)
         for entry in self.orders_of(log):
@@ -86,7 +86,7 @@ class Diagnosis:
 
 
 def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagnosis:
-    """Diagnose logs. StudyError: a mistake in a file, or logs that tell nothing."""
+    """Diagnose logs. StudyError: a mistake in a file, or no log with a steady speed."""
     if not columns.is_file():
         raise StudyError(f"{columns}: no such file: expected a TOML file that names the columns")
     identification = config.load(columns)
@@ -149,14 +149,16 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
 
 
 def own_orders(poles: int, slots: int | None) -> tuple[int, ...]:
-    """Orders that a motor has by itself: of its poles, its slots, both together, and six times its pole "
-    "pairs."""
+    """Orders that a motor has by itself: 2, 6 and 12 times the pole pairs, slots, and lcm(slots, poles)."""
     by_slots = () if slots is None else (slots, math.lcm(slots, 2 * poles))
     return tuple(sorted({2 * poles, 6 * poles, 12 * poles, *by_slots}))
 
 
 def _explained(estimate: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
-    """Logs whose torques the estimate tells, by name; with the bridge off, all but what turns the rotor."""
+    """Logs whose torques are known from the estimate, by name.
+
+    With the bridge off, the torque that turns the rotor from outside is not known.
+    """
     if estimate is None or estimate.fit is None or "j" not in estimate.values:
         return {}
     off = [
@@ -168,24 +170,24 @@ def _explained(estimate: Estimate | None, loaded: Sequence[Log]) -> dict[str, Lo
 
 
 def _with_sure_error(estimate: Estimate) -> Estimate:
-    """The estimate whose angle is corrected for those errors of the sensor alone that stand out of theirs."""
+    """The estimate with only those orders of the sensor's error that are larger than their own error."""
     sure = {wave.order for wave in estimate.encoder if wave.size.value > wave.size.error}
     error = {order: wave for order, wave in estimate.model.error.items() if order in sure}
     return replace(estimate, model=replace(estimate.model, error=error))
 
 
 def _without_error(log: Log, estimate: Estimate) -> Log:
-    """The log with its angle corrected for the sensor's error of the estimate."""
+    """The log with the angle corrected for the estimate's sensor error."""
     return replace(log, signals={**log.signals, "theta": corrected(log["theta"], estimate.model)})
 
 
 def _error(estimate: Estimate | None) -> dict[int, complex]:
-    """The sensor's error of the estimate, E by order n, rad: Re(E exp(j n theta))."""
+    """The estimate's sensor error by order n, E, rad: Re(E exp(j n theta))."""
     return {} if estimate is None else {n: complex(c, -s) for n, (c, s) in estimate.model.error.items()}
 
 
 def _without(logs: Sequence[Log]) -> list[str]:
-    """What logs without angle or current can tell."""
+    """Sentences on logs without angle or current: what they cannot show, and what to record."""
     remarks: list[str] = []
     for log in logs:
         if "theta" not in log and "omega" in log:
@@ -228,7 +230,7 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
 
 
 def _possible_causes(orders: Sequence[OrderCauses]) -> dict[int, set[str]]:
-    """What may make each large order, by rising order."""
+    """The possible causes of each large order, by rising order."""
     large = sorted((entry for entry in orders if entry.share > LARGE_SHARE), key=lambda entry: entry.order)
     return {entry.order: set(entry.causes[0].name.split(OR)) for entry in large}
 
@@ -253,7 +255,7 @@ def _of_one_speed(orders: Sequence[OrderCauses], parts: Sequence[Steady]) -> lis
 
 
 def _of_loads(orders: Sequence[OrderCauses]) -> list[Advice]:
-    """Which logs tell cogging from ripple of K_t, for large orders that may be either."""
+    """Advice on logs that separate cogging from K_t ripple, for large orders that may be either."""
     possible = _possible_causes(orders).items()
     return [not_told_apart("ripple", order) for order, causes in possible if {COGGING, RIPPLE} <= causes]
 
@@ -295,7 +297,7 @@ def _named(orders: Sequence[int]) -> str:
 
 
 def _opposed(orders: Sequence[OrderCauses]) -> list[str]:
-    """Orders in which causes cancel, so that one has more than all of what is left."""
+    """Sentences on orders in which causes cancel, so that one cause has a share above 1."""
     remarks = []
     for entry in orders:
         against = [cause for cause in entry.causes if cause.share < -CANCELLED_SHARE]

@@ -1,4 +1,4 @@
-"""From logs to a motor: orders, delay, joint fit, what can't be told apart left out, errors."""
+"""Estimate a motor from logs: find orders and delay, fit all, drop inseparable columns, add errors."""
 
 from __future__ import annotations
 
@@ -30,30 +30,30 @@ from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.units import TURN
 
 ORDERS_MOST = 48
-LONGEST_DELAY, EARLIEST_DELAY = 6e-3, -3e-3  # s; i_q before the angle: that of a filtered angle
-UNSURE_DELAY = 5e-3  # s, an error from which on a delay is not told
-DELAY_TRIES, DELAY_SETTLED = 10, 0.01  # parabolas, and steps of the grid
-ORDERS_FOR_ENCODER = 3  # before so many are known, the encoder's error would take their place
-ENCODER_ROUNDS, ENCODER_SETTLED = 3, 0.1  # intervals of the error that may be left
+LONGEST_DELAY, EARLIEST_DELAY = 6e-3, -3e-3  # s; negative: the angle is filtered, so i_q comes before it
+UNSURE_DELAY = 5e-3  # s, error at which a delay counts as unknown
+DELAY_TRIES, DELAY_SETTLED = 10, 0.01  # most parabolas, and the last move of the delay, in steps of the grid
+ORDERS_FOR_ENCODER = 3  # least known orders of cogging; with fewer the encoder's error would replace orders
+ENCODER_ROUNDS, ENCODER_SETTLED = 3, 0.1  # most rounds; sensor's error left over its interval, at most
 SEARCH_ROUNDS = 2
 AGREEMENT_SHARE = 0.5  # share of a wider instrument's interval within which a narrower one agrees with it
 ALIKE_INERTIA = 1e-3
-SURE_LADDER = 2.0  # times the interval: of wider instruments whose inertia counts as another measurement
+SURE_LADDER = 2.0  # ratio of intervals below which a wider instrument's inertia is another measurement
 KERNEL_WIDEST = 0.02  # s
-NARROW_SHARE = 0.4  # share of the kernel's width with which faster orders are sought
-PASSED_PHASE = 2.0  # rad that the fastest order turns in a width: a seventh of it passes
-OTHER_WIDTH = 1.4  # of the kernel: how far the values move is a part of their errors
-FEW_CHANCE = FALSE_ALARM / 4  # of a wave that is among a few candidates
-CLEAR_ERRORS = {  # errors at 95 % of a wave of two normal parts that is larger by these chances
+NARROW_SHARE = 0.4  # width of the kernels of the second search, for faster orders, over the narrowest width
+PASSED_PHASE = 2.0  # rad that the fastest order turns in a kernel's width: a seventh of the wave passes
+OTHER_WIDTH = 1.4  # factor on the kernel's width; the change of the values by it is a part of their errors
+FEW_CHANCE = FALSE_ALARM / 4  # chance of a false alarm for a wave that is one of a few candidates
+CLEAR_ERRORS = {  # least size of a wave over its error at 95 %: noise alone exceeds it by these chances
     "cogging": float(np.sqrt(-2 * np.log(ORDER_CHANCE))) / 1.96,
     "ripple": float(np.sqrt(-2 * np.log(FEW_CHANCE))) / 1.96,
 }
 SEEING_SHARE = 0.1  # share of a log's rows that show an order, at least
 FRICTION_ORDERS = (1, 2)
-STRIBECK_SPEEDS = (0.3, 5.0, 7)  # of the slowest log's: first, last and how many
-STRIBECK_COST = 8.0  # above the least: 95 % of one value, of rows half of which are independent
+STRIBECK_SPEEDS = (0.3, 5.0, 7)  # first and last over the slowest log's speed, and the count of speeds
+STRIBECK_COST = 8.0  # cost above the least at 95 % of one value, where half of the rows are independent
 STRIBECK_ERRORS, STRIBECK_INFLATION = 1.5, 30.0
-UNSURE_ROWS = 1.5  # by which a current may be late whose delay is not told
+UNSURE_ROWS = 1.5  # rows by which a current may be early or late if the delay is not known
 NO_LOG = "no log is left: expected logs with theta and i_q"
 Progress = Callable[[str, float], None]
 
@@ -81,7 +81,7 @@ CURES = {
     "directions.",
     "cogging": "Order {0}: cogging cannot be told apart from the rest; add a slow sweep.",
 }
-CURE_LOGS = {  # kinds of log that tell a column apart
+CURE_LOGS = {  # kinds of log that separate a column from the other columns
     "j": ("acceleration",),
     **dict.fromkeys(("b", "encoder"), ("constant-speed",)),
     **dict.fromkeys(("c", "offset", "cogging"), ("slow-sweep",)),
@@ -90,7 +90,7 @@ CURE_LOGS = {  # kinds of log that tell a column apart
 
 
 class Logs:
-    """The logs of one drive and what is known of it: builds and solves their equations."""
+    """The logs of one drive, with the drive's description. Builds and solves the logs' equations."""
 
     def __init__(self, identification: Identification, logs: Sequence[Log], progress: Progress) -> None:
         rates = identification.drive.rates
@@ -101,7 +101,7 @@ class Logs:
         self.moving = [log for log in logs if log.dt]
 
     def equations(self, model: Model) -> Equations:
-        """The equations of all logs. The delay is taken out, and has no column unless `model` says so."""
+        """The equations of all logs at the model's delay, with a column of the remaining delay on demand."""
         return Equations([rows for log in self.logs for rows in rows_of(log, model, self.sensor)])
 
     def solve(self, model: Model, instrument: int = WIDE_INSTRUMENT) -> State:
@@ -128,7 +128,7 @@ class Logs:
     def widths(self, model: Model) -> Model:
         """The model with kernels up to the frequency at which the angle's noise meets the current's.
 
-        They are no wider than the slowest log needs to show order 6 p; `passing` has faster orders.
+        The kernels are no wider than the slowest log needs to show order 6 p. `passing` allows faster orders.
         """
         j = abs(self.solve(model).fit.get("j")) or 1e-9
         stretches = {
@@ -151,14 +151,14 @@ class Logs:
         return replace(model, widths=widths)
 
     def narrowed(self, model: Model, widest: Callable[[Log], float]) -> Model:
-        """The model with kernels that are no wider than this for each log, s, where rows and law allow it."""
+        """The model with kernels no wider than `widest` of each log, s, as far as rows and law allow this."""
         widths = {
             log.name: min(model.width(log), max(self._narrowest(log), widest(log))) for log in self.moving
         }
         return replace(model, widths=widths)
 
     def comparable(self, state: State) -> Sequence[Rows]:
-        """Rows in which every log shows the strongest order as clearly as it can."""
+        """Rows with kernels so narrow that every log shows the strongest order as clearly as possible."""
         if not state.model.cogging:
             return state.equations.rows
         order = findings.strongest_order(state.fit, state.model)
@@ -168,12 +168,12 @@ class Logs:
     def lateness(self, unsure: float) -> float:
         """Time by which currents may act earlier or later than the model's delay says, s.
 
-        `unsure`: the delay's error, inf: it is not told.
+        `unsure`: the delay's error, s; inf: the delay is not known.
         """
         return min(unsure, UNSURE_ROWS * max((log.dt for log in self.moving), default=0.0))
 
     def passing(self, model: Model, widths: Mapping[str, float]) -> Model:
-        """The model with these kernels, or those through which its fastest order still passes."""
+        """The model with these widths of kernels, narrowed until the model's fastest order passes them."""
         fastest = max(model.cogging, default=1) * self._slowest
         return self.narrowed(replace(model, widths=widths), lambda log: PASSED_PHASE / max(fastest, 1e-9))
 
@@ -186,7 +186,7 @@ class Logs:
         return min(findings.speed(log) for log in self.moving)
 
     def sees(self, order: int) -> bool:
-        """Whether some log has two rows and more for each wave of an order."""
+        """Whether some log has more than two rows for each wave of an order."""
         for log in self.moving:
             moved = np.abs(np.diff(log["theta"]))
             if np.mean(order * moved < 2.4) > SEEING_SHARE and np.median(moved) > 0:
@@ -194,9 +194,9 @@ class Logs:
         return not self.moving
 
     def settled(self, model: Model, instrument: int) -> State:
-        """Solve, take the sensor's error out of the angle, and solve again until little is left of it.
+        """Solve, subtract the sensor's error from the angle, and repeat until little of the error is left.
 
-        The error shows as sidebands of the cogging, so the cogging comes first.
+        The error shows as sidebands of the cogging, so the cogging is fitted first.
         """
         if model.encoder and not model.waves.keys() >= set(model.cogging):
             fit = self.solve(model, instrument).fit
@@ -211,7 +211,7 @@ class Logs:
         return self.solve(model, instrument)
 
     def cost(self, model: Model, instrument: int) -> float:
-        """Logarithm of the residuals' variances, by their rows."""
+        """Sum over all logs: count of rows times the logarithm of the residual's variance."""
         equations = self.equations(model)
         counts = dict.fromkeys(equations.logs, 0)
         for rows in equations.rows:
@@ -219,9 +219,9 @@ class Logs:
         return float(sum(2 * counts[log] * np.log(x) for log, x in equations.noises(instrument).items()))
 
     def delayed(self, model: Model, instrument: int) -> tuple[Model, float]:
-        """The model with the delay of the least residual, and its error, s; inf: it is not told.
+        """The model with the delay of the least residual, and the delay's error, s; 0 and inf: not known.
 
-        Its error is that of the moment with instruments, and how far this is from the least residual.
+        A fit with instruments gives the remaining delay. Its error and its size make the delay's error.
         """
         grid = max(min((log.dt for log in self.moving), default=0.0), self.period) / 2
         if not model.delay:
@@ -231,7 +231,7 @@ class Logs:
         for _ in range(DELAY_TRIES):
             costs = [self.cost(replace(model, delay=model.delay + k * grid), instrument) for k in (-1, 0, 1)]
             bend, slope = costs[0] - 2 * costs[1] + costs[2], (costs[0] - costs[2]) / 2
-            steps = float(np.argmin(costs)) - 1.0  # The flanks bend the other way: there the least is next.
+            steps = float(np.argmin(costs)) - 1.0  # On a flank the curve may bend down: move by a whole step.
             if steps == 0.0 and bend > 0:
                 steps = slope / bend
             delay = float(np.clip(model.delay + steps * grid, EARLIEST_DELAY, LONGEST_DELAY))
@@ -249,7 +249,7 @@ class Logs:
 
 
 def estimate_motor(identification: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
-    """Estimate all that the logs tell. StudyError: nothing can be told."""
+    """Estimate all that can be known from the logs. StudyError: nothing can be known."""
     remarks = [remark for log in logs for remark in log.remarks]
     used, log_remarks = findings.usable(identification, logs)
     remarks += log_remarks
@@ -264,7 +264,7 @@ def estimate_motor(identification: Identification, logs: Sequence[Log], progress
         model = _start(used, left_out)
     except AdvisedError as error:
         out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
-        causes = [line for line in log_remarks if line.startswith(out)]  # before what follows from them
+        causes = [line for line in log_remarks if line.startswith(out)]  # They precede their consequences.
         others = [line for line in log_remarks if line not in causes]
         raise AdvisedError(*causes, *error.mistakes, *others) from None
     if "j" not in model.columns:
@@ -272,7 +272,7 @@ def estimate_motor(identification: Identification, logs: Sequence[Log], progress
     drive = Logs(identification, used, progress)
     progress("orders", 0.0)
     state, unsure = _searched(drive, model)
-    delay = None  # a current that is held looks the same wherever in its period it is logged
+    delay = None  # A held current is the same wherever in its period it is logged: half a period is unsure.
     if np.isfinite(unsure):
         delay = Value(state.model.delay, float(np.hypot(unsure, drive.period / 2)))
     state = _told_apart(drive, state, left_out)
@@ -300,8 +300,8 @@ def at_delay(
 ) -> Estimate:
     """The estimate fitted again with a delay, s, that is known within its error.
 
-    `simulated`: the same logs of a motor whose coefficients are `truth`. What their fit has beside it, and
-    out of its error, is taken off.
+    `simulated`: the same logs, simulated with a motor whose coefficients are `truth`. Where their fit differs
+    from `truth` by more than the fit's error, the difference is subtracted from the estimate.
     """
     drive = Logs(estimate.identification, estimate.logs, lambda what, share: None)
     state = drive.agreeing(replace(estimate.model, delay=delay.value))
@@ -326,10 +326,11 @@ def at_delay(
 
 
 def _steadiest(state: State, ends: Sequence[Equations]) -> State:
-    """The state with the instrument whose inertia has the least error, that by the delay included.
+    """The state with the instrument whose inertia has the least error, the delay's part included.
 
-    A narrow instrument has more of the motion, but also waves whose phase hangs on the delay. `ends`: the
-    equations at both ends of the delay's interval. The instruments narrower than the state's contradict it.
+    A narrow instrument has more of the motion, but also waves whose phase depends on the delay. `ends`: the
+    equations at both ends of the delay's interval. Instruments narrower than the state's are not tried: they
+    contradict the wider ones.
     """
 
     def error(instrument: int) -> float:
@@ -348,10 +349,10 @@ def _steadiest(state: State, ends: Sequence[Equations]) -> State:
 def _biases(
     drive: Logs, state: State, simulated: Sequence[Log], truth: Mapping[Name, float]
 ) -> dict[Name, Value]:
-    """What simulated logs show beside their truth, where it stands out of its error; the encoder's in rad.
+    """Differences of the simulated logs' fit from its truth that exceed their error; the encoder's in rad.
 
-    It is shrunk by Breiman's garrote, doi:10.1080/00401706.1995.10484371: what barely stands out may be noise
-    of the simulation, and its subtraction would add that to the logs' own.
+    Breiman's garrote, doi:10.1080/00401706.1995.10484371, shrinks each difference: a small one may be noise
+    of the simulation, and subtracting it would add this noise to that of the logs.
     """
     played = Logs(drive.identification, simulated, drive.progress)
     twin = played.settled(replace(state.model, error={}), state.instrument)
@@ -369,7 +370,7 @@ def _biases(
 def _start(logs: Sequence[Log], left_out: list[str]) -> Model:
     """A model of the columns that the logs together can identify; `left_out` gets advice on the others.
 
-    If the logs can't tell the inertia, the model is for held angles alone.
+    If the logs don't show the inertia, the model is for hold maps alone.
     """
     hold_maps, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
     if not moving:
@@ -401,7 +402,7 @@ def _start(logs: Sequence[Log], left_out: list[str]) -> Model:
 
 
 def _searched(drive: Logs, start: Model) -> tuple[State, float]:
-    """The state with all that is found, and the delay's error, s; inf: it is not told."""
+    """The state with all that is found, and the delay's error, s; inf: the delay is not known."""
     poles, with_delay = drive.poles, "delay" in start.columns
     turning = "j" in start.columns
     model = replace(start, columns=start.columns - {"delay"})
@@ -452,9 +453,9 @@ def _with_orders(drive: Logs, model: Model, first: bool) -> State:
 
 
 def _standing_out(drive: Logs, state: State) -> State:
-    """Keep the orders that stand out of the joint fit, and that of the poles.
+    """Keep the orders that stand out of their errors in the joint fit, and always the cogging of order p.
 
-    The one that stands out least goes first, since it may widen the errors of the others.
+    The order that stands out least is dropped first, since it may widen the errors of the others.
     """
     model, equations, fit = state.model, state.equations, state.fit
     while True:
@@ -469,7 +470,7 @@ def _standing_out(drive: Logs, state: State) -> State:
 
 
 def _with_rubbing(drive: Logs, state: State) -> State:
-    """Friction that varies with the angle, and that falls with the speed, where the logs show it."""
+    """The state with friction that varies with the angle or falls with the speed, if the logs show this."""
     model, instrument = state.model, state.instrument
     trial = drive.solve(replace(model, friction=FRICTION_ORDERS), instrument).fit
     friction = tuple(n for n in FRICTION_ORDERS if trial.chance("friction", n) < FEW_CHANCE)
@@ -499,7 +500,10 @@ def _falling(drive: Logs, model: Model, instrument: int, rows: Sequence[Rows]) -
 
 
 def _with_electrical_errors(drive: Logs, state: State) -> State:
-    """Errors of the angle in the orders p and 2 p, as with a resolver or a magnet near the motor."""
+    """The state with errors of the angle of orders p and 2 p, where the logs show them.
+
+    A resolver, or a magnet near the motor, makes such errors.
+    """
     model, poles = state.model, drive.poles
     orders = tuple(n for n in (poles, 2 * poles) if n not in model.encoder and drive.sees(n))
     if not orders or state.fit.get("j") <= 0:
@@ -518,13 +522,13 @@ def _with_electrical_errors(drive: Logs, state: State) -> State:
 
 
 def with_waves(model: Model, fit: Fit) -> Model:
-    """The model with the cogging and inertia of a fit, beside which the sensor's error shows."""
+    """The model with the cogging and inertia of a fit, which the columns of the sensor's error need."""
     waves = {n: (fit["cogging", n, "c"], fit["cogging", n, "s"]) for n in model.cogging}
     return replace(model, waves=waves, j=fit["j",])
 
 
 def taken_out(model: Model, fit: Fit) -> Model:
-    """The model with the sensor's error that is left taken out of the angle."""
+    """The model whose sensor error, subtracted from the angle, also has the rest that this fit found."""
     j = fit["j",]
     error = dict(model.error)
     for order in model.encoder:
@@ -534,7 +538,7 @@ def taken_out(model: Model, fit: Fit) -> Model:
 
 
 def whole(model: Model, fit: Fit) -> dict[Name, float]:
-    """Each coefficient of a fit; the encoder's error [rad] with what is already taken out."""
+    """Each coefficient of a fit; the encoder's error, rad, plus the part already taken out of the angle."""
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
     for order in model.encoder:
         for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):
@@ -546,7 +550,7 @@ WEAKEST = ("encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold",
 
 
 def _told_apart(drive: Logs, state: State, left_out: list[str]) -> State:
-    """Leave out what can't be told apart, one after the other, the least important first."""
+    """Drop columns until all can be separated, the least important first. `left_out` gets advice on each."""
     while True:
         fit = state.fit
         wide = [name for name, by in zip(fit.names, fit.inflation, strict=True) if by > LARGEST_INFLATION]
@@ -554,7 +558,7 @@ def _told_apart(drive: Logs, state: State, left_out: list[str]) -> State:
         if not wide:
             return state
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
-        if worst[0] == "cogging" and ("j",) in wide:  # each takes the place of the other
+        if worst[0] == "cogging" and ("j",) in wide:  # Cogging and inertia can replace each other.
             left_out.append(not_told_apart("j"))
         elif worst[0] != "offset" or "c" in state.model.columns:
             left_out.append(not_told_apart(str(worst[0]), *worst[1:]))
@@ -567,7 +571,7 @@ def not_told_apart(kind: str, *of: str | int) -> Advice:
 
 
 def _without(model: Model, name: Name) -> Model:
-    """The model without a column; what takes its place in the fit is not told, either."""
+    """The model without a column; the columns that replace it in the fit become `untold`."""
     kind = str(name[0])
     others: set[tuple[str, int]] = set()
     if kind == "cogging":
@@ -600,8 +604,10 @@ def with_errors(
     estimate: Estimate,
     bias_of: Callable[[State], Mapping[Name, Value]] = lambda state: {},
 ) -> Estimate:
-    """The estimate with the values of a state; their errors are a jackknife's, and what they move by with the
-    delay, by the time `unsure`, s, and with kernel and instrument. `bias_of`: what is taken off the values.
+    """The estimate with the values of a state. `bias_of`: biases that are subtracted from the values.
+
+    Errors combine a jackknife's with the change of the values for a delay `unsure`, s, for a wider kernel,
+    and for other instruments.
     """
     model, others = state.model, list[dict[Name, float]]()
     ends: list[Equations] = []
@@ -641,7 +647,7 @@ def with_errors(
         separable = (n for n in orders if (kind, n) not in model.untold)
         return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in separable)
 
-    poles = drive.poles  # whose order is in the model even where nothing of it shows
+    poles = drive.poles  # The model has this order of cogging even if the logs do not show it.
     cogging = [n for n in model.cogging if n != poles or fit.chance("cogging", n) < ORDER_CHANCE]
     single = ("j", "b", "c", "c_hold", "offset", "stribeck")
     values = {

@@ -1,4 +1,4 @@
-"""Sentences on logs that mislead, each with its cure; and what they forbid to conclude."""
+"""Find logs that mislead: sentences with cures, and values that must not be concluded from such logs."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ from cogless.results.trace import Array
 from cogless.units import TURN
 
 SPEED_DIFFERENCE = 0.15  # relative: speeds that differ by less are one
-FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
-FEEDBACK_LAGS = 6  # lags from 0 samples on that are tried
-STILL_SHARE, STILL_TIME = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
-SLIPS_LEAST, SLIP_ROWS = 3, 4  # motions after which a rotor sticks; rows of their speed
-FRICTION_DIFFERENCE = 0.2  # relative difference between logs that is told
-PHASE_DIFFERENCE = 0.35  # rad of the strongest order's phase between logs, likewise
-LOG_PARTS = 12  # parts of a log, by which what it shows by itself has an error
-CONDITION_MOST = 1e8  # condition of equations that are still solved
+FED_BACK = 0.99  # correlation of i_q with an earlier speed, above which i_q is the feedback law's answer
+FEEDBACK_LAGS = 6  # lags that are tried, from 0 samples on
+STILL_SHARE, STILL_TIME = 0.25, 0.02  # share of standstill that spoils a log; s without a count: standstill
+SLIPS_LEAST, SLIP_ROWS = 3, 4  # least slips of a rotor that sticks and slips; rows for the speed of a slip
+FRICTION_DIFFERENCE = 0.2  # relative difference of friction between logs, above which a sentence reports it
+PHASE_DIFFERENCE = 0.35  # rad, difference of the strongest order's phase between logs that is reported
+LOG_PARTS = 12  # parts of a log, each left out by the jackknife of the log's own coefficients
+CONDITION_MOST = 1e8  # largest condition of equations that are still solved
 STANDS_OUT = 5.0  # standard errors
-LIKELY_RIPPLE = 0.1  # largest ripple of K_t
-SIDEBAND_SHARE = 0.5  # size of a sideband over that of the order between them, at most
+LIKELY_RIPPLE = 0.1  # largest likely ripple of K_t, relative
+SIDEBAND_SHARE = 0.5  # largest size of a sideband over the size of the order between the sidebands
 WIDTH_SLACK = 1e-6  # relative, for rounding
-SPARE_SPEED = 0.9  # of the speed that just shows an order: what is advised has some to spare
-# correlation of changes that shows a current before its reference, and its excess over that after it
+SPARE_SPEED = 0.9  # advised speed over the speed at which an order just shows
+# least correlation of current changes with reference changes a row later that shows exchanged columns, and
+# least excess of this correlation over the one with the opposite lag
 LEAD_CORRELATION = 0.2
 
 
 def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
-    """The logs that can be used, and sentences on the others and on logs that mislead."""
+    """The logs that can be used, and sentences on unusable logs and on logs that mislead."""
     used: list[Log] = []
     sentences: list[str] = []
     offsets = offsets_of(logs)
@@ -79,7 +80,7 @@ def heading(identification: Identification, signal: str) -> str:
 
 
 def _said_of_bridge_off(identification: Identification, log: Log) -> list[str]:
-    """What a log with the bridge off does not tell: what turns its rotor is not known."""
+    """Sentences on what cannot be known from a log with the bridge off."""
     if not {"i_a", "i_b"} <= log.signals.keys():
         return [
             Advice(
@@ -124,13 +125,13 @@ def _unusable(identification: Identification, log: Log) -> str | None:
 
 
 def _up(rate: float) -> float:
-    """A rate rounded up to the two digits that are shown."""
+    """A rate rounded up to two digits, as messages show."""
     digit = 10.0 ** (np.floor(np.log10(rate)) - 1)
     return float(np.ceil(rate / digit * (1 - 1e-9)) * digit)
 
 
 def _sticks(identification: Identification, log: Log) -> str | None:
-    """What to record instead of a log whose rotor stands still too often; None if it doesn't."""
+    """Advice what to record instead of a log whose rotor stands still too often; None for other logs."""
     rows = max(1, round(STILL_TIME / log.dt))
     still = np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= identification.step
     share = float(np.mean(still))
@@ -156,7 +157,7 @@ def _sticks(identification: Identification, log: Log) -> str | None:
 
 
 def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
-    """Offsets of the phase currents, A, from logs with the bridge off; None if there is none."""
+    """Offsets of the phase currents, A, from logs with the bridge off; None if there is no such log."""
     off = [log for log in logs if log.kind == "bridge-off" and "i_a" in log and "i_b" in log]
     if not off:
         return None
@@ -166,7 +167,7 @@ def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
 
 
 def prepared(identification: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
-    """The log with torque in A, without the currents' offsets, and no current where the bridge is off."""
+    """The log with torque over K_t, A, i_q without the currents' offsets, and i_q = 0 with the bridge off."""
     signals = dict(log.signals)
     if offsets is not None and "i_q" in signals:
         theta_e = identification.motor.pole_pairs * signals["theta"]
@@ -204,13 +205,13 @@ def check_sign(identification: Identification, logs: Sequence[Log], rows: Sequen
 
 
 def one_speed(logs: Sequence[Log]) -> bool:
-    """Whether all logs are at one speed, from means over a twentieth of each."""
+    """Whether all logs are at one speed, by mean speeds over a twentieth of each log."""
     low, high = zip(*(np.percentile(_speeds(log), [30, 95]) for log in logs), strict=True)
     return bool(min(low) > (1 - SPEED_DIFFERENCE) * max(high))
 
 
 def said_of_one_speed(logs: Sequence[Log]) -> str:
-    """What logs of one speed tell, and what they don't."""
+    """A sentence on what can be known from logs at one speed, and what not."""
     speed = float(np.median(np.concatenate([_speeds(log) for log in logs]))) / TURN
     turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
     mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
@@ -227,7 +228,7 @@ def _speeds(log: Log) -> Array:
 
 
 def _exchanged(identification: Identification, log: Log) -> str | None:
-    """What is said of a log whose i_q comes before its i_q_ref: of the two, the measured one is the later."""
+    """Advice on a log whose i_q comes before its i_q_ref: the measured current should be the later one."""
     if not {"i_q", "i_q_ref"} <= log.signals.keys() or not log.dt:
         return None
     current, reference_changes = (np.diff(log[name]) for name in ("i_q", "i_q_ref"))
@@ -250,7 +251,7 @@ def _exchanged(identification: Identification, log: Log) -> str | None:
 
 
 def feedback(log: Log) -> tuple[int, float, float] | None:
-    """Lag in samples, correlation and gain of i_q on the speed before, where that is a feedback law."""
+    """Lag, samples, size of the correlation, and gain of i_q on the earlier speed; None: no feedback law."""
     if "omega" not in log or "i_q" not in log or not log.dt:
         return None
     omega, current = log["omega"], log["i_q"]
@@ -273,7 +274,7 @@ def between_logs(
 ) -> list[str]:
     """Sentences on differences between logs: friction, and the place of the strongest order.
 
-    `delay_error`: of the currents, s, by which the rotor has turned on in each log.
+    `delay_error`: error of the currents' delay, s; it moves a wave's phase in proportion to each log's speed.
     """
     sentences: list[str] = []
     by_log: dict[str, list[Rows]] = {}
@@ -328,7 +329,7 @@ def _turned(
         unsure = PHASE_DIFFERENCE + np.hypot(open_by[name], open_by[first])
         if abs(turn) > unsure:
             left_out.append("Cogging is left out, since its place differs between the logs.")
-            if abs(np.log(size)) > unsure:  # an index that slips turns a wave, and leaves its size
+            if abs(np.log(size)) > unsure:  # A slipped index would change the wave's phase, not its size.
                 return [
                     f"{name}: order {strongest} is {size:.2g} times that of {first}, and turned by "
                     f"{np.degrees(turn):.0f} deg: cogging alone would be the same in all logs; the "
@@ -354,10 +355,10 @@ def _median_speed(rows: Sequence[Rows]) -> float:
 def _own(
     rows: Sequence[Rows], joint_fit: Fit, names: Sequence[tuple[str | int, ...]]
 ) -> tuple[complex, float]:
-    """One or two coefficients as these rows alone would have them (the second imaginary), and their error.
+    """One or two coefficients fitted to these rows alone (the second as imaginary part), and their error.
 
-    It is three standard errors by a jackknife: what rows show in one place alone, such as a fast log that
-    shows an order only where it turns around, is unsure by all that the fit leaves there.
+    The error is three standard errors by a jackknife. It is large where a single part of the rows shows the
+    coefficient, such as the reversal in a fast log.
     """
     a = np.concatenate(
         [stretch.columns[:, [stretch.names.index(name) for name in names]] for stretch in rows]
@@ -379,7 +380,7 @@ def _own(
 
 
 def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
-    """Leave out orders n -+ k beside a larger n: an encoder's error of order k makes such."""
+    """Leave out orders n -+ k of a larger order n: an encoder's error of order k makes such sidebands."""
     waves, encoder_orders = {wave.order: wave for wave in cogging}, {wave.order for wave in estimate.encoder}
     out: set[int] = set()
     sentences: list[str] = []
@@ -406,7 +407,7 @@ def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[t
 
 
 def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
-    """Leave out what the findings forbid, and say what stays open."""
+    """The estimate without wrong or inseparable values; `left_out` gets a sentence on each."""
     values, cogging = dict(estimate.values), estimate.cogging
     poles = estimate.identification.motor.pole_pairs
     if "j" in values and not values["j"].value > 2 * values["j"].error:
@@ -455,7 +456,7 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
 
 
 def _out_of_sight(estimate: Estimate) -> list[str]:
-    """A sentence on the highest order at which such a motor may cog, if no log shows it; with its cures."""
+    """Advice for the highest order at which such a motor may cog, if no log can show this order."""
     moving = [log for log in estimate.logs if log.dt]
     if len(moving) < len(estimate.logs) or not moving:
         return []

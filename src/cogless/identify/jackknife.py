@@ -1,10 +1,12 @@
-"""The balance of all logs solved with instruments, and errors by leaving out blocks.
+"""Solve the balance of all logs with instruments, and find errors by leaving out blocks.
 
-The row of the normal equations that belongs to the acceleration is multiplied by a slow course of it, its
-instrument, which has none of the angle's fast noise nor the law's answer to that. A log at one speed has no
-such course, and so says nothing of inertia. Errors are a jackknife's over blocks of the logs, widened by what
-logs, quarters of logs, or states of the motion differ by beyond that: a current whose waves are faster than
-the rows is off by the same in each ramp, and so in each block.
+In the normal equations, the acceleration's row is not multiplied by the acceleration but by its instrument,
+the slow part of the acceleration. The instrument has neither the angle's fast noise nor the law's answer to
+the noise. A log at one speed has no slow acceleration, and so shows nothing of inertia.
+
+Errors are a jackknife's over blocks of the logs. They are widened where logs, quarters of logs, or states of
+the motion differ by more: a current with waves faster than the rows is wrong by the same amount in each ramp,
+and so in each block.
 """
 
 from __future__ import annotations
@@ -25,23 +27,22 @@ from cogless.results.trace import Array
 
 BLOCK_ROWS_LEAST = 6  # a block has no fewer
 LOG_QUARTERS = 4  # parts of a log, and of its speeds, that are compared with each other
-MOTION_STATES = (
-    2 * LOG_QUARTERS
-)  # of a log's motion: a quarter of its speeds, with an acceleration above zero or not
+# states of a log's motion, each a quarter of the speeds and a sign of the acceleration
+MOTION_STATES = 2 * LOG_QUARTERS
 WEIGHING_ROUNDS = 4
-SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
-WELL_POSED = 1e9  # condition of scaled equations, up to which they are inverted
+SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which it counts as 0
+WELL_POSED = 1e9  # largest condition of scaled equations that are inverted
 DELAY_SMOOTHING = 0.02  # s
-LARGEST_INFLATION = 100.0  # of a variance by the other columns
+LARGEST_INFLATION = 100.0  # largest factor by which the other columns may inflate a variance
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Normal equations of a part of a log, of all columns: products with columns, and with instruments.
+    """Normal equations of a part of a log, for all columns: products with columns, and with instruments.
 
-    `matrix`, `vector`: plain. `noise`: what the angle's noise adds to the diagonal. `instruments`: a row for
-    each instrument of the acceleration, times the columns, and `driven`: times the current. `late`: the same
-    of the delay's instrument.
+    `matrix`, `vector`: products of the columns with the columns and with the current. `noise`: part of the
+    matrix's diagonal by the angle's noise. `instruments`, `driven`: products of each of the acceleration's
+    instruments with the columns and with the current. `late`: both products of the delay's instrument.
     """
 
     log: str
@@ -60,9 +61,9 @@ class Block:
 class Fit:
     """Coefficients by name, and their standard errors.
 
-    `intervals`: errors at 95 %. `covariance`, `freedom`: of the jackknife. `normal`: plain
-    normal matrix. `noise`: residual of each log, A rms. `equations`: weighted matrix and vector of each
-    block.
+    `intervals`: errors at 95 %. `covariance`, `freedom`: covariance and degrees of freedom by the jackknife.
+    `normal`: normal matrix without instruments. `noise`: residual of each log, A rms. `equations`: log,
+    weighted matrix and weighted vector of each block.
     """
 
     names: tuple[Name, ...]
@@ -100,7 +101,7 @@ class Fit:
         return float(wave @ wave / max(float(np.linalg.norm(wave * self.intervals[place])), 1e-300))
 
     def chance(self, kind: str, order: int) -> float:
-        """Chance of a wave as large as this where there is none, by Hotelling's test."""
+        """Chance that noise alone gives a wave as large as this, by Hotelling's test."""
         place = [self.names.index((kind, order, part)) for part in "cs"]
         covariance = self.covariance[np.ix_(place, place)]
         freedom = max(2.0, float(np.min(self.freedom[place])))
@@ -117,7 +118,7 @@ class Fit:
         return inflation(self.normal)
 
     def prediction(self, rows: Rows, without: str | None = None) -> Array:
-        """i_q that the coefficients give for these rows, A. `without`: a log that they are not from."""
+        """i_q that the coefficients give for these rows, A. `without`: log left out of the coefficients."""
         values = self.values
         if without is not None:
             others = [(matrix, vector) for log, matrix, vector in self.equations if log != without]
@@ -130,7 +131,7 @@ class Fit:
 
 
 def solved(matrix: Array, vector: Array) -> tuple[Array, Array]:
-    """The solution of scaled equations and their inverse; what they tell nothing of is 0."""
+    """The solution of the equations and the inverse matrix. What the equations leave open is 0."""
     scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
     scales = np.outer(scale, scale)
     scaled = matrix / scales
@@ -145,13 +146,13 @@ def solved(matrix: Array, vector: Array) -> tuple[Array, Array]:
 
 
 def jackknife(parts: Array) -> Array:
-    """Standard errors of values of which each row leaves a part of the data out."""
+    """Standard errors of values. Each row of `parts` has the values with one part of the data left out."""
     count = len(parts)
     return np.asarray(np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)))
 
 
 def inflation(matrix: Array) -> Array:
-    """Factor by which the other columns inflate the variance of each coefficient; inf: it can't be told."""
+    """Factor by which the other columns inflate the variance of each coefficient; inf: the column is zero."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     factors = np.full(len(scale), np.inf)
     used = scale > 0
@@ -161,9 +162,9 @@ def inflation(matrix: Array) -> Array:
 
 
 class Equations:
-    """The normal equations of logs, solved for one instrument or another.
+    """The normal equations of logs. They can be solved with any one of the acceleration's instruments.
 
-    StudyError: no rows, such as of logs shorter than the kernel.
+    StudyError: there are no rows, as with logs shorter than the kernel.
     """
 
     def __init__(self, rows: Sequence[Rows]) -> None:
@@ -197,9 +198,9 @@ class Equations:
 
     @cached_property
     def _late(self) -> dict[int, Array]:
-        """Instrument of the delay, by part: what angle and slow course tell of the current's derivative.
+        """Instrument of the delay, by id of the rows: the current's derivative by angle and slow course.
 
-        No noise that goes round the loop is in it.
+        The instrument has no noise that goes round the control loop.
         """
         instruments = {}
         for stretch in self.rows:
@@ -222,7 +223,7 @@ class Equations:
         return instruments
 
     def _block(self, rows: Rows, place: Sequence[int], part: slice, quarter: int) -> Block:
-        """The block of a part of rows, whose columns have these places among all."""
+        """The block of a part of rows. `place`: the index of each of the rows' columns among all columns."""
         size = len(self.names)
         columns, y = rows.columns[part], rows.y[part]
         z = rows.instruments[:, part] if ("j",) in rows.names else np.zeros((len(LADDER), len(y)))
@@ -254,7 +255,7 @@ class Equations:
 
     @cached_property
     def _stacked(self) -> tuple[Array, Array]:
-        """Matrices and vectors of all blocks without the angle's noise; the delay has its instrument."""
+        """Matrices and vectors of all blocks, less the angle's noise; the delay's row has its instrument."""
         matrices = np.array([block.matrix - np.diag(block.noise) for block in self.blocks])
         vectors = np.array([block.vector for block in self.blocks])
         if ("delay",) in self.names:
@@ -280,7 +281,7 @@ class Equations:
         return dict(zip(self.logs, (weights**-0.5).tolist(), strict=True))
 
     def _with(self, instrument: int) -> tuple[Array, Array]:
-        """Matrices and vectors of all blocks with one of the acceleration's instruments."""
+        """Matrices and vectors of all blocks with one of the instruments in the acceleration's row."""
         matrices, vectors = self._stacked
         if ("j",) in self.names:
             place, matrices, vectors = self.names.index(("j",)), matrices.copy(), vectors.copy()
@@ -307,8 +308,9 @@ class Equations:
     def fit(self, instrument: int = WIDE_INSTRUMENT, exact: bool = False) -> Fit:
         """Solve with this one of the acceleration's instruments; each log weighs by its residual.
 
-        `exact`: every block is left out, and states of the motion count. Else blocks are left out to first
-        order, without the states: their error is the same with all instruments, so it helps to choose none.
+        `exact`: the jackknife solves anew without each block, and states of the motion widen the errors. Else
+        blocks are left out to first order, and the states do not count: their part of the error is the same
+        with all instruments, so the choice of an instrument does not need it.
         """
         matrices, vectors = self._with(instrument)
         matrix, vector, values, inverse, weights = self._solved(matrices, vectors)
@@ -342,7 +344,7 @@ class Equations:
         )
 
     def _by_state(self, values: Array, instrument: int) -> Array:
-        """What the rows of each state of motion add to the normal equations, by log, state and column.
+        """Products of residual and columns or instruments, summed by log, state of motion and column.
 
         A state is a quarter of the log's speeds, with an acceleration of one sign.
         """
@@ -365,9 +367,10 @@ class Equations:
         return sums
 
     def _intervals(self, moved: Array, states: Array, variance: Array, freedom: Array) -> Array:
-        """Errors at 95 %: of blocks, and of what logs, quarters of logs and states differ by beyond these.
+        """Errors at 95 % by blocks, or larger ones where logs, quarters of logs or states differ by more.
 
-        The excess is a random effect, with few degrees of freedom; their sum has those after Satterthwaite.
+        The excess variance is a random effect with few degrees of freedom. The sum of both variances has
+        degrees of freedom after Satterthwaite.
         """
         widest = student.ppf(0.975, freedom) * np.sqrt(variance)
         parts = [np.array([block.part for block in self.blocks]) + LOG_QUARTERS * self._log_of, self._log_of]
@@ -381,20 +384,21 @@ class Equations:
         return widest
 
     def _variance(self, log: str, values: Array) -> float:
-        """Variance of a log's residual, A^2: at least a millionth of its current's square."""
+        """Variance of a log's residual, A^2: at least 1e-9 of the current's mean square."""
         matrix, vector, squares, count = self._plain[log]
         residual = squares - 2 * values @ vector + values @ matrix @ values
         return max(float(residual), 1e-9 * squares + 1e-18) / count
 
     def residuals(self, fit: Fit) -> list[tuple[Rows, Array]]:
-        """What the fit leaves of i_q, A, in each part."""
+        """The rows of each part, and their residual of i_q, A."""
         return [(stretch, stretch.y - fit.prediction(stretch)) for stretch in self.rows]
 
 
 def _variance_of(moved: Array) -> tuple[Array, Array]:
     """Variance of a sum, and its degrees of freedom after Satterthwaite.
 
-    Of normal parts the fourth powers are three times the squared variances, which these stand for.
+    Satterthwaite's formula needs the squared variances of the parts. For normal parts the mean of the fourth
+    power is three times the squared variance.
     """
     squares = moved**2
     variance = squares.sum(axis=0)

@@ -1,4 +1,4 @@
-"""A Gaussian that every term of a log's balance passes, and its derivatives for the angle at another time."""
+"""The Gaussian kernel that filters every term of a log's balance, and its derivatives, shifted by a delay."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from cogless.results.trace import Array
 
 REACH_WIDTHS = 4  # widths that a kernel reaches to either side
 SHIFT_ROWS = 8  # rows of the polynomial that interpolates between two rows
-ANSWER_ROWS = 8  # in which a law's current follows the angle
+ANSWER_ROWS = 8  # rows within which a law's current follows the angle
 
 
 class Kernel:
-    """Weights for rows `dt` apart, s, of a Gaussian of a width, s.
+    """Weights of a Gaussian of a width, s, for rows `dt` apart, s.
 
     `value` and `slope`: mean and first derivative at a row. `speed` and `acceleration`: first and second
-    derivative `delay` before the row, s, exact for lines and parabolas. `curvature`: the latter at the row.
-    `half`: rows that each reaches to either side.
+    derivative at the time `delay`, s, before the row, exact for lines and parabolas. `curvature`: second
+    derivative at the row. `half`: rows that all weights reach to either side.
     """
 
     def __init__(self, width: float, dt: float, delay: float = 0.0) -> None:
@@ -47,14 +47,14 @@ def _derivatives(x: Array, width: float) -> tuple[Array, Array]:
     first -= g * first.sum()
     first /= first @ x
     second = (x**2 - width**2) * g
-    lines = np.stack([g, g * x])  # what is taken off, so that a line has no second derivative
+    lines = np.stack([g, g * x])  # subtracted below, so that a line has no second derivative
     moments = np.stack([lines.sum(axis=1), lines @ x])
     second -= np.linalg.solve(moments, [second.sum(), second @ x]) @ lines
     return first, 2 * second / (second @ x**2)
 
 
 def shifted(x: Array, rows: float) -> Array:
-    """The signal so many rows later, by the polynomial through SHIFT_ROWS rows; at the ends it stays."""
+    """The signal `rows` rows after each row, by a polynomial through SHIFT_ROWS rows; end values repeat."""
     if not rows:
         return x
     first = int(np.floor(rows)) - SHIFT_ROWS // 2 + 1
@@ -73,7 +73,7 @@ def _polynomial(place: float) -> Array:
 def white_noise(x: Array, answers: Array | None = None) -> float:
     """Variance of the white noise of a signal, by its fourth differences; 0 for a short one.
 
-    `answers`: another signal, whose noise the first follows within some rows; this is no noise of its own.
+    `answers`: another signal. The part of the noise that follows this signal within some rows does not count.
     """
     fourth = np.diff(x, 4)
     if len(fourth) <= ANSWER_ROWS * 10:

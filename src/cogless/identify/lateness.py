@@ -1,10 +1,10 @@
-"""How late i_q is logged after the angle, from the described controller that made it.
+"""Find how late i_q is logged after the angle, from the described controller that made the current.
 
-The law answers each step of the angle, and holds its current between its own samples. So how i_q follows the
-angle tells where in the law's period it was logged, which no torque balance can tell. A filter from angle to
-i_q is fitted to the log, and to the simulated log with its currents so much later: the delays at which they
-agree, over all logs, are the likely ones. A dead time that nobody typed in lets the current follow otherwise,
-too: how, is known from a simulation with more of it.
+The law answers each step of the angle, and holds its current between its own samples. So the way in which i_q
+follows the angle shows where in the law's period i_q was logged; no torque balance shows this. A filter from
+angle to i_q is fitted to the log, and to the simulated log with delayed currents. The delays at which both
+filters agree, over all logs, are the likely ones. A dead time that is not described also changes how the
+current follows; a simulation with more dead time shows in which way.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from cogless.identify.result import Value
 from cogless.results.trace import Array, Trace
 
 ANGLE_ROWS = 5  # rows in which i_q follows the angle
-LATE_ROWS_MOST = 5  # rows of a log by which i_q is late, at most
-LATENESS_ROWS_LEAST = 300  # rows of a log
-MISFIT_MOST = 0.1  # share of what the filter explains: above it the law is not the described one
+LATE_ROWS_MOST = 5  # largest delay of i_q that is tried, rows of a log
+LATENESS_ROWS_LEAST = 300  # least rows of a log
+MISFIT_MOST = 0.1  # share of what the filter explains: with more misfit the law is not the described one
 GAIN_ERROR = 0.01  # relative error of the filter's gain, by the law's inertia and the current sensors
 DELAYS_A_ROW = 20  # delays that are tried between two rows of the trace
-LIKELY_EXCESS = 4.0  # the objective above its least, in its own variance: 95 % of one value
+LIKELY_EXCESS = 4.0  # excess of the objective over its least, in variances: 95 % of one value
 NO_TRACES: Mapping[str, Trace] = MappingProxyType({})
 NO_VALUE = Value(0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """How late i_q is logged, s, and the part of the added dead time that the drive has; or why not."""
+    """The delay of i_q, s, and the drive's dead time as a part of the simulated one; or a remark why not."""
 
     delay: Value | None
     part: Value = NO_VALUE
@@ -41,10 +41,11 @@ class Lateness:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Of a log, by delay, s: how far its filter is from the simulated one, squared, in its own variance.
+    """How well each delay, s, explains a log.
 
-    `part`: of the added dead time that explains most of it, and its `information`, 1 / variance. `misfit`:
-    the share of what the log's filter explains that no delay does.
+    `away`: squared distance of the log's filter from the simulated one, in variances, for each delay.
+    `part`: the part of the added dead time that explains most of the distance. `information`: 1 / variance of
+    the part. `misfit`: the share of what the log's filter explains that no delay explains.
     """
 
     delays: Array
@@ -62,12 +63,12 @@ def lateness(
     with_dead_time: Mapping[str, Trace] = NO_TRACES,
     by_balance: Value | None = None,
 ) -> Lateness:
-    """The delay of i_q by the logs that follow the described law; None, and why: no log does.
+    """The delay of i_q by the logs that follow the described law; None and a remark if no log does.
 
-    It is the middle of all delays that are likely, and they are its error. `bandwidth`: of the current loop,
-    rad/s. `period`: of the law, s: rows between its samples show nothing of it. `with_dead_time`: traces of a
-    drive with more dead time, whose true one then may be another. `by_balance`: the delay that the balance of
-    torques tells, s, which counts as one more log unless the law contradicts it.
+    The delay is the middle of all likely delays, and their range gives its error. `bandwidth`: of the current
+    loop, rad/s. `period`: of the law, s; rows between the law's samples are not used. `with_dead_time`:
+    traces of a drive with more dead time; with them the dead time is fitted, too. `by_balance`: the delay by
+    the balance of torques, s, which counts as one more log unless the law contradicts it.
     """
     profiles: list[Profile] = []
     unlike: list[tuple[float, str]] = []
@@ -86,7 +87,7 @@ def lateness(
     away = np.array([np.interp(delays, profile.delays, profile.away) for profile in profiles])
     together = np.sum(away, axis=0)
     least = float(np.min(together))
-    # logs that contradict each other
+    # how much the logs contradict each other
     apart = (least - float(np.sum(np.min(away, axis=1)))) / max(1, len(away) - 1)
     unlikely = LIKELY_EXCESS * max(1.0, apart)
     if by_balance is not None:
@@ -94,7 +95,7 @@ def lateness(
         if float(np.min(with_balance)) <= least + unlikely:
             together = with_balance
     likely = delays[together <= float(np.min(together)) + unlikely]
-    # between two rows of a trace the current moves by an exponential, not a line
+    # Between two rows of a trace the current moves exponentially, not linearly; this bounds the error.
     between = max(trace.period for trace in traces.values()) ** 2 * bandwidth / 8
     first, last = float(likely[0]), float(likely[-1])
     delay = Value((first + last) / 2, (last - first + float(delays[1])) / 2 + between)
@@ -102,7 +103,7 @@ def lateness(
 
 
 def _part(profiles: Sequence[Profile], delay: Value) -> Value:
-    """The part of the added dead time that all logs together have; wider where they contradict each other."""
+    """The drive's part of the added dead time by all logs; the error is larger if the logs disagree."""
 
     def parts_at(late: float) -> tuple[Array, Array]:
         pairs = [
@@ -142,7 +143,7 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
     taps, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
     noise = float(np.mean((y - x @ taps) ** 2))
     filters = _filters(trace, step)
-    # in the metric of the log's information
+    # distances of filters are weighed by the log's information on each tap
     metric = np.linalg.qr(x, mode="r")
     off = metric @ (taps[:, None] - filters)
     explained = max(float(np.sum((metric @ taps) ** 2)), 1e-300)
@@ -152,7 +153,7 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
     shrunk = 1 - 1 / np.sqrt(1 + (GAIN_ERROR * lengths) ** 2 / max(2 * noise, 1e-300))
 
     def weighed(x: Array) -> Array:
-        """What is along the filter counts less: its gain is not known exactly."""
+        """The vectors with a smaller part along the filter, since the filter's gain is not known exactly."""
         return np.asarray(x - shrunk * along / lengths**2 * np.sum(along * x, axis=0))
 
     off, free = weighed(off), len(taps) - 1
@@ -169,7 +170,7 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
 
 
 def _filters(trace: Trace, step: int) -> Array:
-    """The filter, a row for each tap, of every step-th row of a trace, by how late its current is logged."""
+    """The filters of a trace's every step-th row: a row for each tap, a column for each of the delays."""
     columns = _motion(np.unwrap(trace["theta_measured"])[::step], step * trace.period)
     current = trace["i_q"]
     late = np.arange(LATE_ROWS_MOST * step + 1)
@@ -183,7 +184,7 @@ def _filters(trace: Trace, step: int) -> Array:
 
 
 def _motion(theta: Array, dt: float) -> Array:
-    """Changes of the speed in the rows before each, and that speed."""
+    """Columns for each row: the last ANGLE_ROWS changes of the speed, and the speed a row before."""
     omega = np.diff(theta) / dt
     changes = np.diff(omega)
     rows = np.arange(ANGLE_ROWS - 1, len(changes))

@@ -1,4 +1,4 @@
-"""A log with one clock: its rows at equal times, in stretches without gaps, and what was wrong with it."""
+"""Make logs with one clock: rows at equal times, in stretches without gaps, with remarks on oddities."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from cogless.results.trace import Array
 from cogless.units import DEGREE, RPM, TURN
 
 GAP_PERIODS = 2.5  # a longer time without a row is a gap
-ROW_LOST = 1.5  # periods, where a row that lacks a number is left out
-BURSTS_LEAST = 20  # in a log whose stamps are those of packets
-BURST_TIME = 0.1  # share of the time that passes within bursts, at most
-BURST_ROWS = 2.0  # on average, at least
-BURST_MOVE = 2.0  # of the angle between bursts over that between their rows: of packets it is 1
-BURSTS_BESIDE = 5  # on each side of a burst, by whose mean delay a lost one shows
-UNEVEN_SHARE = 0.25  # of a burst's time, by which packets are late at random, at most
-LOST_SHARE = 0.5  # of a burst's time, from which on it is lost and not late
+ROW_LOST = 1.5  # periods: a longer time is a gap if a row there was left out, since a number was missing
+BURSTS_LEAST = 20  # least bursts in a log whose stamps are those of packets
+BURST_TIME = 0.1  # largest share of the time that passes within bursts
+BURST_ROWS = 2.0  # least mean count of rows in a burst
+BURST_MOVE = 2.0  # largest angle moved between bursts over the angle between rows in a burst; packets have 1
+BURSTS_BESIDE = 5  # bursts on each side of a burst whose median delays show whether a packet was lost
+UNEVEN_SHARE = 0.25  # largest random lateness of packets, rms, over a burst's time
+LOST_SHARE = 0.5  # lasting lateness over a burst's time above which a packet was lost
 TIMED_ROWS_LEAST = 100  # rows of a log with a clock, or of a stretch of one
 CURRENTS = ("i_q", "i_d", "i_a", "i_b", "i_c")
 CURRENT_RATIO_MOST = 3.0  # a current over the drive's limit
 MOTION_LEAST = 0.2  # rad rms: with less motion, speed and angle are not compared
-IN_PROPORTION = 0.98  # cosine between two currents' amplitudes, from which their ratio counts, within 2 %
-SPEED_RATIO_MOST = 1.5  # omega over the angle's own speed: a filter's lag or lost counts stay below it
+IN_PROPORTION = 0.98  # least cosine between two currents' amplitudes for their ratio, known to 2 %, to count
+SPEED_RATIO_MOST = 1.5  # omega over the angle's own speed: a filter's lag or lost counts give less
 UNIT_MISTAKES: tuple[tuple[float, str, Cure], ...] = (
     (1 / RPM, 'the speed looks like rpm: unit = "rpm"', {"columns.omega.unit": "rpm"}),
     (1 / DEGREE, 'the speed looks like deg/s: unit = "deg/s"', {"columns.omega.unit": "deg/s"}),
@@ -49,22 +49,21 @@ UNIT_MISTAKES: tuple[tuple[float, str, Cure], ...] = (
 DAY_SECONDS, COUNTER_SECONDS = 86_400.0, 2**32 * 1e-6  # s, a day and 32 bits of microseconds
 CLOCK_ROWS_MOST = 20  # rows that may be missing where a clock begins anew
 FILE_LOGS_MOST = 1000  # logs in a file
-HEADINGS_COMPARED = 1000  # with one that a file lacks
-HEADINGS_SHOWN = 12  # of a file that has none like it
+HEADINGS_COMPARED = 1000  # headings of a file that are compared with a missing heading
+HEADINGS_SHOWN = 12  # headings that a message shows if none is like the missing heading
 NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading is named
-SPREAD_LEAST = 0.07  # of a period, by which rows are apart unevenly, from which on it is told
+SPREAD_LEAST = 0.07  # rms spread of the time between rows, in periods, above which a remark reports it
 OWN_TIMES = "each is used at its own time"
 EVEN_ROWS = "the times are taken as rounded, and the rows as evenly spaced"
-REPEATED_SHARE = 0.2  # share of rows that repeat the one before, from which on it is told
+REPEATED_SHARE = 0.2  # share of rows that repeat the row before, above which a remark reports it
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
     """A log in SI units.
 
-    `dt`: time between rows, s; 0: a hold map has none. `stretches`: rows without a gap between them.
-    `remarks`: what was found on the way, a sentence each. `mean_current`: a row of i_q is the mean since the
-    row before.
+    `dt`: time between rows, s; 0 for a hold map. `stretches`: rows without a gap between them. `remarks`:
+    sentences on what was odd in the log. `mean_current`: a row of i_q is the mean since the row before.
     """
 
     name: str
@@ -122,7 +121,7 @@ def logs_of_columns(columns: Sequence[tuple[Path, LogColumns]], identification: 
 
 
 def _parts(path: Path, log: LogColumns, identification: Identification) -> Iterator[tuple[str, Columns]]:
-    """The log, or where it has a column of parts, a log for each of its values."""
+    """Yield name and columns of the log, or of a log for each value in the column of parts."""
     name, columns = log.name or path.name, dict(log.columns)
     column = identification.columns.get("part")
     values = columns.pop(column.name, None) if column is not None else None
@@ -143,7 +142,7 @@ def _parts(path: Path, log: LogColumns, identification: Identification) -> Itera
 
 
 def _require_columns(logs: Sequence[tuple[Path, LogColumns]], identification: Identification) -> None:
-    """Each log has those columns of the file of columns that name it, and no other of them."""
+    """Refuse logs that lack a column which names them, or that have a column which does not name them."""
     lines = list[str]()
     for path, log in logs:
         name = log.name or path.name
@@ -171,7 +170,7 @@ def _require_columns(logs: Sequence[tuple[Path, LogColumns]], identification: Id
 
 
 def _no_clock(where: str, signal: str, identification: Identification) -> str:
-    """What is said of times of day in a column that has something else, or that has a unit."""
+    """The mistake of times of day in a column other than the time, or in a time with unit, sign or scale."""
     heading = identification.columns[signal].name
     if signal != "t":
         return f"{where}: {heading}: times of day: expected numbers, or columns.t.name = {_quoted([heading])}"
@@ -189,7 +188,7 @@ def _lacking(
     headings: Sequence[str],
     identification: Identification,
 ) -> Advice:
-    """What is said of a log that lacks these signals: the nearest headings, and which logs have them."""
+    """Advice on a log that lacks these signals: the nearest headings, and the logs that have the signals."""
     used = {column.name for column in identification.columns.values()}
     lacking = {signal: identification.columns[signal].name for signal in signals}
     nearest = _nearest(lacking, [heading for heading in headings if heading not in used])
@@ -212,7 +211,7 @@ def _lacking(
 
 
 def _nearest(lacking: Mapping[str, str], headings: Sequence[str]) -> dict[str, str]:
-    """The heading most like each that is lacking, none twice; units, spaces and capitals don't count."""
+    """The heading most like each lacking one, none twice; units, spaces and capitals don't count."""
 
     def plain(name: str) -> str:
         return "".join(filter(str.isalnum, re.sub(r"[\[(].*", "", name).casefold()))
@@ -271,7 +270,7 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
 def _before_a_column_ends(
     name: str, columns: Columns, identification: Identification, remarks: list[str]
 ) -> Columns:
-    """The rows up to the last number of each column; a sentence says which of them ends before the log."""
+    """The rows up to the end of the shortest column; a remark names a column that ends before the log."""
     heading_t = _heading(identification, "t")
     ends = {heading: len(of) - int(np.argmax(~np.isnan(of)[::-1])) for heading, of in columns.items()}
     heading, end = min(ends.items(), key=lambda item: item[1])
@@ -284,14 +283,14 @@ def _before_a_column_ends(
 
 
 def ended_early(channel: str, end: float, others: str, other_end: float) -> str:
-    """What is said of a channel that ends before others of its log, each so many s after the start."""
+    """The remark on a channel that ends before others of its log. `end`, `other_end`: s after the start."""
     return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: the log is used up to there."
 
 
 def _complete(
     where: str, name: str, columns: Columns, remarks: list[str]
 ) -> tuple[Columns, NDArray[np.bool_]]:
-    """The rows in which no column lacks a number, and of each whether one before it is left out."""
+    """The rows in which every column has a number, and for each row whether rows just before are left out."""
     lacking = {heading: np.isnan(values) for heading, values in columns.items()}
     whole = ~np.logical_or.reduce(list(lacking.values()))
     counts = {heading: int(np.sum(lacks)) for heading, lacks in lacking.items() if lacks.any()}
@@ -309,7 +308,7 @@ def _complete(
 
 
 def _by_measured_angle(signals: Columns, true: Array, pole_pairs: int) -> None:
-    """Turn a run's true currents into those that its drive has, by the angle that it measures."""
+    """Turn a run's true currents into those of its drive, which computes them by the measured angle."""
     currents = (signals["i_d"] + 1j * signals["i_q"]) * np.exp(-1j * pole_pairs * (signals["theta"] - true))
     signals["i_d"], signals["i_q"] = currents.real, currents.imag
 
@@ -331,9 +330,9 @@ def _hold(
 
 
 def _one_clock(name: str, t: Array, identification: Identification, remarks: list[str]) -> Array:
-    """The time without the starts anew of a counter of 16 or 32 bits, or of a day.
+    """The time without the restarts of a counter of 16 or 32 bits, or of a day.
 
-    At each of them a step of the period's length must be missing, within some rows; else the time stays.
+    Each restart must take one period off the time, within some rows; else the time stays as it is.
     """
     steps = np.diff(t)
     back = np.flatnonzero(steps < 0)
@@ -355,11 +354,11 @@ def _one_clock(name: str, t: Array, identification: Identification, remarks: lis
 
 
 def _without_bursts(name: str, t: Array, signals: Columns, remarks: list[str]) -> Array:
-    """Times for rows that share the stamp of a packet, evenly by their number; else the time as it is.
+    """Even times, by the number of the row, if rows share the stamps of packets; else the time as it is.
 
-    Rows of packets are even in truth: the angle moves as much between two packets as within one. It does not
-    where a recorder is triggered. A packet arrives after its last row, late by some jitter; where the delay
-    of the following ones stays larger by half a packet, one is lost, and the time steps on.
+    The rows of packets were evenly sampled: the angle moves as much between two packets as within one. With a
+    triggered recorder the angle moves more between bursts. A packet arrives after its last row, with some
+    jitter. If the packets that follow stay late by half a packet, one was lost, and the time jumps.
     """
     steps = np.diff(t)
     first = np.concatenate(([0], np.flatnonzero(steps > np.mean(steps)) + 1))
@@ -499,7 +498,7 @@ def _timed(
 
 
 def _within_limit(where: str, signals: Columns, identification: Identification) -> None:
-    """A current that no drive of this limit has is one in another unit."""
+    """Refuse a current far above the drive's limit: its unit must be another."""
     limit = identification.drive.current_loop.current_limit
     for signal in CURRENTS:
         most = float(np.max(np.abs(signals.get(signal, 0.0))))
@@ -516,7 +515,7 @@ def _within_limit(where: str, signals: Columns, identification: Identification) 
 
 
 def _amplitudes_agree(where: str, signals: Columns, identification: Identification) -> None:
-    """i_q and i_d are as large as the phases' currents; by their rms they are 1/sqrt(2) of it."""
+    """Refuse i_q and i_d in rms amperes: they are 1/sqrt(2) of the amplitude of the phase currents."""
     if not {"i_q", "i_a", "i_b"} <= signals.keys():
         return
     i_q, i_a, i_b = (_heading(identification, signal) for signal in ("i_q", "i_a", "i_b"))
@@ -541,9 +540,9 @@ def _amplitudes_agree(where: str, signals: Columns, identification: Identificati
 
 
 def _degrees(where: str, t: Array, signals: Columns, identification: Identification) -> None:
-    """An angle in degrees moves far in a row, which looks like a wrap or a slipped index: it is told before.
+    """Refuse an angle in degrees here: later its large changes would look like wraps or a slipped index.
 
-    The median over the faster half of the rows does not see where it wraps.
+    The median over the faster half of the rows is free of the rows in which the angle wraps.
     """
     if "omega" not in signals:
         return
@@ -578,7 +577,7 @@ def _disagreement(
 
 
 def _units_agree(where: str, t: Array, signals: Columns, identification: Identification) -> None:
-    """The speed is the angle's change in time, or the unit of one of the three is another."""
+    """Refuse a speed that is not the angle's change in time: one of the three has another unit."""
     if "omega" not in signals:
         return
     omega, steps = signals["omega"], np.diff(t)
@@ -596,7 +595,7 @@ def _units_agree(where: str, t: Array, signals: Columns, identification: Identif
 
 
 def _electrical(identification: Identification) -> list[tuple[float, str, Cure]]:
-    """Ratios by which an electrical angle or speed is off, pole pairs times a mechanical one."""
+    """Ratio, sentence and cure of an electrical angle or speed, pole pairs times the mechanical one."""
     poles, columns = identification.motor.pole_pairs, identification.columns
     if poles == 1:
         return []
@@ -621,7 +620,7 @@ def _electrical(identification: Identification) -> list[tuple[float, str, Cure]]
 
 
 def _of_bits(identification: Identification) -> list[tuple[float, str, Cure]]:
-    """Ratios by which counts are off where the sensor has other bits, and what is said of them."""
+    """Ratio, sentence and cure of an angle in counts of a sensor with another number of bits."""
     bits = getattr(identification.drive.position_sensor, "bits", None)
     if identification.columns["theta"].unit != COUNT or bits is None:
         return []
@@ -645,7 +644,7 @@ def _period(t: Array, dt: float) -> float:
 def _even(t: Array, signals: Columns, dt: float) -> tuple[Columns, str]:
     """Bring rows to equal times; returns them and how each row's time was used, for a remark.
 
-    Times that are only rounded, to steps as large as their jitter, are taken for equal ones.
+    If the jitter of the times is no larger than the steps to which they are rounded, they count as even.
     """
     k = np.arange(len(t))
     slope, start = np.polyfit(k, t - t[0], 1)
@@ -659,7 +658,7 @@ def _even(t: Array, signals: Columns, dt: float) -> tuple[Columns, str]:
 
 
 def _moved(theta: Array, ends: NDArray[np.int_]) -> Array:
-    """By how much the angle moves from row to row, rad; 0 over a gap, in which a rotor moves any angle."""
+    """The angle's change from row to row, rad; 0 over a gap, in which a rotor may move by any angle."""
     moved = np.diff(theta)
     moved[ends - 1] = 0.0
     return moved
@@ -668,7 +667,7 @@ def _moved(theta: Array, ends: NDArray[np.int_]) -> Array:
 def _unwrapped(
     name: str, where: str, theta: Array, ends: NDArray[np.int_], remarks: list[str], tick: float
 ) -> Array:
-    """The angle without its jumps by a turn, or by the size of a counter, whose `tick` is so many rad."""
+    """The angle without jumps by a turn or by the size of a counter. `tick`: angle of one count, rad."""
     moved = np.abs(_moved(theta, ends))
     jumps = np.flatnonzero(moved > 0.5 * TURN)
     for size in (2**16, 2**32):
@@ -702,7 +701,7 @@ def _repeats(name: str, signals: Columns, step: float, remarks: list[str]) -> No
 
 
 def _slip(name: str, theta: Array, step: float, ends: NDArray[np.int_], remarks: list[str]) -> int:
-    """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does.
+    """Count of rows before the angle first moves far more than in the rows around; all rows if it never does.
 
     `ends`: the first row after each gap.
     """

@@ -1,4 +1,4 @@
-"""What readers of logs share: the columns that they return, the largest log, one line for any fault."""
+"""Parts shared by all readers of logs: the columns that they return, limits of size, errors in one line."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from cogless.files import reason
 from cogless.results.trace import Array
 
 Columns = dict[str, Array]
-NUMBERS_MOST = 1 << 27  # in the wanted columns of a file
+NUMBERS_MOST = 1 << 27  # numbers in the wanted columns of a file
 PACKED_MOST = 1 << 32  # bytes that a file's packed parts unpack to
 MESSAGE_MOST = 160  # characters of a library's message
 
 
 @dataclass(frozen=True, eq=False)
 class LogColumns:
-    """The wanted columns that a log has, by heading; all headings that it has; its run's name, or "".
+    """The columns of a log. `name`: the run's name, or "". `columns`: the wanted columns, by heading.
 
-    `remarks`: what was guessed of the file, a sentence each. `clocks`: headings of times of day, in s.
+    `headings`: all headings of the log. `remarks`: sentences on guesses about the file. `clocks`: headings of
+    columns of times of day, which are in s.
     """
 
     name: str
@@ -38,9 +39,9 @@ class LogColumns:
 
 @contextmanager
 def readable(path: Path, kind: str) -> Iterator[None]:
-    """What a library raises within, of whatever type, becomes a StudyError of one line; its warnings go.
+    """Turn any exception of a library within this context into a StudyError of one line; drop warnings.
 
-    A library of a foreign format is called in here, and nothing else: a fault of our own stays a traceback.
+    Only libraries of foreign formats are called in this context, so a defect of cogless keeps its traceback.
     """
     try:
         with warnings.catch_warnings():
@@ -53,7 +54,7 @@ def readable(path: Path, kind: str) -> Iterator[None]:
 
 
 def _line(error: Exception, path: Path) -> str:
-    """The first line of an exception's text, without the file's name; with its type where that is all."""
+    """The first line of an exception's text, without the file's name; with the type if the text needs it."""
     if isinstance(error, OSError):
         return printable(reason(error).replace(f"{path}: ", ""))
     line = first_line(error).strip(" :.")
@@ -63,7 +64,7 @@ def _line(error: Exception, path: Path) -> str:
 
 
 def printable(text: str) -> str:
-    """Text of a file for a message: shortened, a question mark for each character that would not show."""
+    """A file's text for a message: shortened, with a question mark for each character that can't be shown."""
     printable = "".join(
         character if character.isprintable() else "?" for character in text[: MESSAGE_MOST + 1]
     )
@@ -71,12 +72,12 @@ def printable(text: str) -> str:
 
 
 def no_numbers(path: Path, name: str) -> StudyError:
-    """The error of a column that holds something else."""
+    """The error of a column that holds something other than numbers."""
     return StudyError(f"{path}: {name}: expected numbers")
 
 
 def require_numbers(path: Path, count: int) -> None:
-    """StudyError: so many numbers are more than a log has. Called before memory is taken for them."""
+    """Raise StudyError if a log has too many numbers. This is called before their memory is allocated."""
     if count > NUMBERS_MOST:
         raise StudyError(
             f"{path}: its columns have {count:,} numbers or more, {in_bytes(8 * count)}: expected a log of "
@@ -85,7 +86,7 @@ def require_numbers(path: Path, count: int) -> None:
 
 
 def require_unpacked(path: Path, parts: Iterable[Iterable[bytes]]) -> None:
-    """StudyError: these deflated parts, each in pieces, unpack to more than a log has. Nothing is kept."""
+    """Raise StudyError if these deflated parts, each in pieces, unpack to too many bytes. Nothing is kept."""
     size = 0
     for pieces in parts:
         unpacker = zlib.decompressobj()
@@ -98,7 +99,7 @@ def require_unpacked(path: Path, parts: Iterable[Iterable[bytes]]) -> None:
 
 
 def require_bytes(path: Path, size: int) -> None:
-    """StudyError: so many bytes are more than a log unpacks to."""
+    """Raise StudyError if a log unpacks to too many bytes."""
     if size > PACKED_MOST:
         raise StudyError(
             f"{path}: it unpacks to {in_bytes(size)} or more: "

@@ -23,7 +23,7 @@ from cogless.identify.log_files import (
 )
 
 HEADER_BYTE = 64  # byte at which the first block begins
-# Links of a block that lead to its parts and to the next of its kind; None: all do.
+# By kind of block: links that lead to the block's parts and to the next block of this kind. None: all links.
 LINKS: dict[bytes, tuple[int, ...] | None] = {
     b"##HD": (0, 1, 2, 3, 4),
     b"##DG": (0, 1, 2),
@@ -38,12 +38,12 @@ LINKS: dict[bytes, tuple[int, ...] | None] = {
     b"##LD": None,
     b"##DL": None,
 }
-DEFLATED = (0, 1)  # ways to pack a block: deflate of its bytes, or of its columns
+DEFLATED = (0, 1)  # codes of packing by deflate: of a block's bytes, or of its transposed bytes
 TEXT_CHANNEL = 1  # type of a channel whose values have any length
 
 
 def read_mdf(path: Path, headings: list[str]) -> list[LogColumns]:
-    """The channels of these names, brought to the time of the first that is no time itself.
+    """The channels of these names, interpolated at the times of the first channel that is no time itself.
 
     StudyError: the extra is not installed.
     """
@@ -73,7 +73,7 @@ def read_mdf(path: Path, headings: list[str]) -> list[LogColumns]:
 
 @contextmanager
 def _silent(name: str) -> Iterator[None]:
-    """The log of a library is off within; what it has to say of a file comes as an exception, too."""
+    """Switch a library's log off in this context. The library's exceptions say what is wrong with a file."""
     log = logging.getLogger(name)
     before, log.disabled = log.disabled, True
     try:
@@ -83,7 +83,7 @@ def _silent(name: str) -> Iterator[None]:
 
 
 def _check_blocks(path: Path) -> None:
-    """Follow the blocks of a file. StudyError: a block is its own part, or claims more than a log has."""
+    """Follow the blocks of a file. StudyError: a block is reached twice, is cut, or claims too much data."""
     with path.open("rb") as file:
         start = file.read(HEADER_BYTE)
         if start[:8] not in (b"MDF     ", b"UnFinMF ") or start[8:9] != b"4":
@@ -105,7 +105,7 @@ def _check_blocks(path: Path) -> None:
 
 
 def _blocks(path: Path, content: Any) -> Iterator[tuple[bytes, int]]:
-    """Kind of each block, and the byte at which its data begins, behind its links."""
+    """Yield each block's kind and the byte at which the block's data begins, after the links."""
     reached: set[int] = set()
     ahead = [HEADER_BYTE]
     while ahead:

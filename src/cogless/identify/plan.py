@@ -1,4 +1,4 @@
-"""The commissioning sequence of a motor: a study that plays it, and the file for its logs."""
+"""Plan the commissioning of a motor: a study that simulates the sequence, and the file of columns."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cogless.units import RPM, TURN
 
 LOG_RATE = 1000.0  # rows of a log a second; fewer for a rotor that sticks
 REVERSAL_TIME = 0.8  # s, from one speed to its opposite; longer for a rotor that sticks
-AT_LIMIT = 0.999  # of what the voltage reaches: a top speed above is one that was lowered to it
+AT_LIMIT = 0.999  # share of the speed that the voltage allows; a higher top speed was lowered to the limit
 SCENARIO_KINDS = {
     "slow": "slow-sweep",
     "one-speed": "constant-speed",
@@ -37,8 +37,8 @@ SCENARIO_KINDS = {
 def reach(study: Study, torque: Callable[[float], float]) -> float:
     """Highest speed, rad/s, at which the bus voltage drives the current of a torque.
 
-    `torque`: of a speed, N m, beside friction and cogging. u = R i + p omega (psi_f + j L_q i). StudyError:
-    the voltage does not even do so at rest.
+    `torque`: torque at a speed, N m, on top of friction and cogging. u = R i + p omega (psi_f + j L_q i).
+    StudyError: the voltage is too low even at rest.
     """
     star, mechanics, most = study.motor.star(), study.mechanics, voltage_reach(study)
     if not math.isfinite(most):
@@ -67,7 +67,7 @@ def _voltage(study: Study) -> str:
 
 
 def highest(study: Study, law: str) -> float:
-    """Highest speed of a plan, rad/s: there the voltage drives the current that turns the rotor around."""
+    """Highest speed of a plan, rad/s, at which the voltage can drive the current that reverses the rotor."""
     hills = sum(size for _, size in overrun(study, law))
     return reach(study, lambda speed: max(hills, 2 * study.mechanics.inertia * speed / REVERSAL_TIME))
 
@@ -75,15 +75,16 @@ def highest(study: Study, law: str) -> float:
 def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
     """Scenarios of the sequence, and the rate of the logs' rows, Hz.
 
-    Speeds follow from the one of the study's first scenario. K_t ripple has order 6 p. The slow and the
-    loaded runs are so slow that the kernel of the regression passes that order. The fast one is so slow,
-    where it can be, that the rows show it: currents of that order brake as viscous friction does, by an
-    amount that an unknown dead time decides.
+    Speeds follow from the speed of the study's first scenario. K_t ripple has order 6 p. The slow and the
+    loaded runs are so slow that the regression's kernel passes this order. The fast run is, where possible,
+    so slow that the rows show this order: currents of order 6 p brake as viscous friction does, by an amount
+    that depends on an unknown dead time.
 
-    A rotor that cogging would stop runs over these hills, of 2 T / n each, with twice their energy or more.
-    It turns around as fast as these torques would turn it, and more rows show its orders.
+    If cogging would stop the rotor, all speeds are higher: the rotor then has at least twice the energy of
+    the cogging's hills, 2 T / n each. The rotor reverses as fast as the cogging's torque could reverse it,
+    and the log has more rows to show the orders.
 
-    No speed is above what the bus voltage reaches. StudyError: that is too slow.
+    No speed is above what the bus voltage allows. StudyError: this limit is too low for the plan.
     """
     first = next(iter(study.scenario.values()))
     sixth = 6 * study.motor.pole_pairs
@@ -137,7 +138,10 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
 
 
 def _rate(loop: float, wave: float) -> float:
-    """The lowest rate of rows, Hz, that divides the current loop's and shows a wave, rad/s; or the loop's."""
+    """The lowest rate of rows, Hz, that divides the current loop's rate and shows a wave of `wave`, rad/s.
+
+    If no lower rate shows the wave, the rate is the loop's.
+    """
     needed = wave / (TURN * 0.9 * WAVE_RATE_SHARE)
     return loop / max(
         (n for n in range(1, round(loop / LOG_RATE) + 1) if not loop % n and loop / n > needed), default=1
@@ -145,7 +149,7 @@ def _rate(loop: float, wave: float) -> float:
 
 
 def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The study that plays the sequence, and the file for its logs, as tables."""
+    """The tables of the study that simulates the sequence, and of the file of columns for its logs."""
     refusal = f"{study.source.path}: expected a study of speed with a synchronous motor"
     study = speed_study(study, refusal)
     if study.motor.kind != "pmsm":
@@ -186,7 +190,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             "omega": "omega_measured",
             "i_q": "i_q",
             "i_q_ref": "i_q_ref",
-            **({} if study.drive.ideal else {"i_d": "i_d", "u_q": "u_q"}),  # which an ideal loop has not
+            **({} if study.drive.ideal else {"i_d": "i_d", "u_q": "u_q"}),  # An ideal loop lacks these.
         },
         "motor": motor_without_waves,
         "drive": source["drive"],
@@ -205,7 +209,7 @@ def _feedback(study: Study) -> str:
 
 
 def lowered(study: AnyStudy) -> str:
-    """What the bus voltage does to the speeds of the plan, a sentence; "": nothing."""
+    """A sentence on the bus voltage if it limits the speeds of the plan, else ""."""
     study = speed_study(study)
     law = _feedback(study)
     most, (played, _) = highest(study, law), scenarios(study, law)

@@ -19,7 +19,7 @@ from cogless.identify.log_files import Columns, LogColumns, no_numbers, readable
 from cogless.identify.mdf_log import read_mdf
 from cogless.results.trace import Array
 
-NUMBER_BELOW = 1e30  # in any unit: nanoseconds since the world began are 4e26; its square is a number, too
+NUMBER_BELOW = 1e30  # limit in any unit: the universe is 4e26 ns old; the square of a number is still finite
 
 READERS: dict[str, Callable[[Path, list[str]], list[LogColumns]]] = {
     ".csv": read_csv,
@@ -34,9 +34,9 @@ READERS: dict[str, Callable[[Path, list[str]], list[LogColumns]]] = {
 
 
 def read(path: Path, headings: list[str], *, with_gaps: bool = False) -> list[LogColumns]:
-    """The columns with these headings of each log in a file; a trace file has several, others one.
+    """The columns with these headings of each log in a file. A trace file has several logs, others have one.
 
-    A column that isn't there is left out. `with_gaps`: a cell may lack its number, and is NaN then.
+    A column that isn't there is left out. `with_gaps`: cells without a number are allowed, as NaN.
     StudyError names file, column and row.
     """
     name = path.name.lower()
@@ -75,7 +75,7 @@ def _numbers(path: Path, log: LogColumns, with_gaps: bool) -> Columns:
 
 
 def _as_numbers(path: Path, name: str, values: NDArray[Any]) -> Array:
-    if np.iscomplexobj(values):  # of which NumPy would take the real part
+    if np.iscomplexobj(values):  # NumPy would take the real part.
         raise no_numbers(path, name)
     try:
         return np.asarray(values, dtype=np.float64).ravel()

@@ -1,4 +1,4 @@
-"""The errors to expect from a plan: its logs are simulated, and identified as real ones would be."""
+"""Find the errors to expect from a plan: its logs are simulated and identified like real logs."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from cogless.study.reading import checked, read, speed_study
 
 
 def expected(folder: Path, progress: Progress, own_law: Mapping[str, Any] | None = None) -> list[str]:
-    """Values with their errors, a line each, and what would be left out, from a folder with a plan.
+    """Lines of values with their errors, and lines of what would be left out, for the plan in a folder.
 
-    `own_law`: the drive's, as the controllers of a study; None or empty: the law of the plan is in the loop.
+    `own_law`: the drive's own law, as the table of controllers of a study; None or empty: the plan's law.
     """
     progress("simulating the logs", 0.0)
     study, identification = _under(own_law or {}, folder)
@@ -38,7 +38,7 @@ def expected(folder: Path, progress: Progress, own_law: Mapping[str, Any] | None
 
 
 def _under(own_law: Mapping[str, Any], folder: Path) -> tuple[Study, Identification]:
-    """The plan's study, and the file of its logs, with this law in the loop."""
+    """The plan's study and its file of columns, both with this law, if any, in place of the plan's."""
     paths = folder / "study.toml", folder / "id.toml"
     played, log_file = read(paths[0]), read(paths[1])
     if own_law:
@@ -51,7 +51,10 @@ def _under(own_law: Mapping[str, Any], folder: Path) -> tuple[Study, Identificat
 
 
 def missed(study: Study, estimate: Estimate) -> list[str]:
-    """Sentences on the study's cogging that its own logs do not tell, or tell worse than not at all."""
+    """Sentences on the study's cogging that the identification from its simulated logs misses.
+
+    One sentence is on orders with an error as large as the cogging itself, one on orders that were not found.
+    """
     identified = {
         wave.order: estimate.K_t * cmath.rect(wave.size.value, wave.phase.value) for wave in estimate.cogging
     }

@@ -1,9 +1,9 @@
-"""Play the logs on cogless's own engine, with the drive's own controller: how late are the currents logged?
+"""Simulate the logs with the drive's own controller, to find how late the currents are logged.
 
-The balance tells the delay within half a period of a law that holds its currents. The described law, on the
-simulated motor, and the balance together tell it within less. What the loop does to a value shows in the
-simulated logs, whose truth is known; where it stands out of its error there, it is taken off. A law that does
-not answer as described leaves all values as they are.
+From the balance, the delay of a current that the law holds is known only to half a period of the law. The
+described law on the simulated motor makes the delay known better. The simulated logs also show biases of the
+values by the control loop, since the true values are known there. A bias that is larger than its error is
+subtracted. If the law does not answer as described, all values stay as they are.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from cogless.study.reading import checked, speed_study
 
 REPLAY_ROUNDS = 2
 NO_LATENESS = Lateness(None)
-REPLAY_ROWS_MOST = 10  # rows of a trace for each row of its log: the delay lies between the log's
+REPLAY_ROWS_MOST = 10  # most rows of a trace for each row of its log: the delay may lie between log rows
 TRACE_SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")
-MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
-LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
+MORE_DEAD_TIME = 0.002  # periods of the current loop: it shows, and is so small that its effect is linear
+LONGEST_DEAD_TIME = 0.1  # periods of the current loop: no drive has a longer one
 UNCORRECTED = "So the delay is known only to half a period of the law."
 RATE_DIFFERENCE = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
 def played(estimate: Estimate, progress: Callable[[float], None], dead_time: float = 0.0) -> dict[str, Trace]:
-    """The simulated trace of each log that can be played, by its name, with its rows and some between them.
+    """The simulated trace of each log that can be simulated, by the log's name.
 
-    `dead_time`: of the inverter, beyond what the file of columns says, s. StudyError: the study isn't valid,
-    or a run failed.
+    A trace has the log's rows and some between them. `dead_time`: dead time of the inverter beyond the
+    described one, s. StudyError: the study isn't valid, or a run failed.
     """
     logs, tables = described.replayable(estimate), described.study(estimate)
     if dead_time:
@@ -66,7 +66,7 @@ def played(estimate: Estimate, progress: Callable[[float], None], dead_time: flo
 
 
 def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[str, Any]:
-    """The drive's table with so much more dead time, s, that the controller does not know of."""
+    """The drive's table with `more` dead time, s, for which the controller does not compensate."""
     assert drive.inverter is not None
     changed_table = {
         **table,
@@ -84,9 +84,9 @@ def _more(drive: Drive) -> float:
 
 
 def _likely(dead_time: Value, drive: Drive) -> float:
-    """The dead time to simulate with, s, beyond the file's: as told, where a drive can have it.
+    """The dead time to simulate with, s, beyond the described one: `dead_time`, or 0 if no drive can have it.
 
-    What a dead time does to a current that changes sign is not in proportion to it.
+    It is simulated, since its effect on a current that changes sign is not in proportion to it.
     """
     if drive.inverter is None or abs(dead_time.value) <= 2 * dead_time.error:
         return 0.0
@@ -95,7 +95,7 @@ def _likely(dead_time: Value, drive: Drive) -> float:
 
 
 def _said_of_dead_time(more: Value, drive: Drive) -> str:
-    """What the law's answers tell of a dead time, s, that is not described; "" if nothing."""
+    """A sentence on the dead time, s, that the law's answers show beyond the described one; "" if none."""
     if drive.inverter is None or not more.value > 2 * more.error > 0:
         return ""
     lost = more.value * drive.rates.current_loop * drive.inverter.bus_voltage
@@ -110,7 +110,7 @@ def _said_of_dead_time(more: Value, drive: Drive) -> str:
 
 
 def _log_signals(trace: Trace) -> Trace:
-    """The signals that a log has: sixteen whole traces would fill a gigabyte."""
+    """The trace with only the signals that a log needs: sixteen whole traces would fill a gigabyte."""
     names = tuple(name for name in TRACE_SIGNALS if name in trace)
     units = dict(zip(trace.names, trace.units, strict=True))
     data = np.column_stack([trace[name] for name in names])
@@ -118,7 +118,7 @@ def _log_signals(trace: Trace) -> Trace:
 
 
 def _rate(estimate: Estimate, log: Log) -> float | None:
-    """A rate of rows that divides the current loop's, a multiple of the log's; None if there is none."""
+    """The rate of a trace's rows, Hz, a multiple of the log's that divides the current loop's, or None."""
     loop = estimate.identification.drive.rates.current_loop
     every = max(1, round(loop * log.dt))
     if abs(loop / every * log.dt - 1) >= RATE_DIFFERENCE:
@@ -133,7 +133,7 @@ def _bandwidth(estimate: Estimate) -> float:
 
 
 def _offset(estimate: Estimate) -> float:
-    """What is added to the logged angle, rad."""
+    """The offset that is added to the logged angle, rad."""
     return (
         0.5 * estimate.identification.step
         if estimate.identification.angle_offset is None
@@ -142,7 +142,7 @@ def _offset(estimate: Estimate) -> float:
 
 
 def simulated_log(estimate: Estimate, log: Log, trace: Trace, late: float = 0.0) -> Log:
-    """A trace as the drive would have logged it: currents by the measured angle, and so late, s."""
+    """A trace as the drive would have logged it: currents by the measured angle, delayed by `late`, s."""
     step = max(1, round(log.dt / trace.period))
     time = trace.period * np.arange(len(trace))
     turned = estimate.identification.motor.pole_pairs * (
@@ -152,7 +152,7 @@ def simulated_log(estimate: Estimate, log: Log, trace: Trace, late: float = 0.0)
     currents = {"i_q": seen.imag, "i_d": seen.real}
     signals = {
         "theta": np.unwrap(trace["theta_measured"])[::step] + _offset(estimate),
-        "omega": trace["omega_measured"][::step].copy(),  # else the whole trace stays in memory
+        "omega": trace["omega_measured"][::step].copy(),  # A view would keep the whole trace in memory.
     }
     for name, current in currents.items():
         if name == "i_q" or name in log:
@@ -161,9 +161,10 @@ def simulated_log(estimate: Estimate, log: Log, trace: Trace, late: float = 0.0)
 
 
 def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Trace]]:
-    """The estimate with the delay that the described law tells, and the simulated traces.
+    """The estimate with the delay by the described law, and the simulated traces.
 
-    It stays as it is where a log of a controlled motor can't be played, or is not as under that law.
+    The values stay as they are if a log of a controlled motor can't be simulated, or if no log is as under
+    this law.
     """
     controlled = {log.name for log in estimate.logs if log.dt and log.kind != "coast-down"}
     first = estimate
@@ -174,7 +175,7 @@ def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str,
     drive, dead_time, late = estimate.identification.drive, NO_VALUE, NO_LATENESS
     for n in range(REPLAY_ROUNDS):
         own = _likely(dead_time, drive)
-        traces, with_dead_time = {}, {}  # Else those of the round before stay in memory.
+        traces, with_dead_time = {}, {}  # This frees the memory of the round before.
         try:
             traces = played(estimate, partial(progress, f"simulation {n + 1} of {REPLAY_ROUNDS}"), own)
             if drive.inverter is not None:
@@ -223,9 +224,9 @@ def _with_remark(estimate: Estimate, remark: str) -> Estimate:
 
 
 def _truth(estimate: Estimate) -> dict[Name, float]:
-    """Coefficients that the simulation has; it logs without delay, and an offset of i_q is a load there.
+    """The true coefficients of the simulation, which logs without delay, and has an offset of i_q as a load.
 
-    Those of what is left out of the motor are 0, and so is an error that its sensor can't have.
+    Coefficients of orders that the simulated motor lacks are 0, and so are errors that its sensor can't have.
     """
     truth: dict[Name, float] = {(key,): 0.0 for key in ("b", "c", "delay", "offset")}
     truth |= {(key,): estimate.values[key].value for key in ("j", "b", "c") if key in estimate.values}

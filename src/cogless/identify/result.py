@@ -1,4 +1,4 @@
-"""What logs tell: values and waves with their errors, and what is left out."""
+"""The result of an identification: values and waves with their errors, and sentences on what is left out."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ class Wave:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What the logs tell. Torques are over K_t, in A; `ripple` is a share of K_t.
+    """The values and waves that logs give. Torques are divided by K_t, in A; `ripple` is a share of K_t.
 
-    `friction`: how Coulomb's varies with the angle. `of_unknown_cause`: cogging or an offset of the current,
-    which logs show alike. A value that can't be told is not in `values`; `left_out` has a sentence on each.
-    `offsets`: of the phase currents, A, as they were taken out of i_q; None: no log tells them.
+    `friction`: waves of Coulomb friction over the angle. `of_unknown_cause`: waves that are cogging or an
+    offset of the current, which logs show alike. `values` lacks values that are not known; `left_out` has
+    sentences on these. `offsets`: offsets of the phase currents that were removed from i_q, A; None: no log
+    shows them.
     """
 
     identification: Identification
@@ -66,7 +67,7 @@ class Estimate:
 
     @property
     def kinds(self) -> tuple[tuple[str, str, float, str], ...]:
-        """What has orders: its title, its field here, and the factor to a unit."""
+        """Each kind of wave: title, name of the field with its waves, factor to the shown unit, and unit."""
         return (
             ("cogging", "cogging", 1e3 * self.K_t, "mN*m"),
             ("K_t ripple", "ripple", 100.0, "%"),

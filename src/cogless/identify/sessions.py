@@ -1,4 +1,4 @@
-"""What differs between recording sessions: friction, and the offset of i_q, as each session has them."""
+"""Find how friction and the offset of i_q differ between recording sessions."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from cogless.identify.balance import Name, Rows
 from cogless.identify.jackknife import Equations
 from cogless.identify.result import Estimate, Value
 
-SESSION_KEYS = ("c", "offset")  # what a session may have of its own
+SESSION_KEYS = ("c", "offset")  # coefficients that each session has of its own
 
 
 @dataclass(frozen=True)
 class Session:
-    """A session's logs, and its friction and offset, A, fitted with all else as in all sessions together."""
+    """A session's logs, and its friction and offset, A; all other coefficients are common to all sessions."""
 
     name: str
     logs: tuple[str, ...]
@@ -24,7 +24,7 @@ class Session:
 
 
 def sessions(estimate: Estimate) -> tuple[Session, ...]:
-    """The sessions that the file of columns names, where there are two or more."""
+    """The sessions that the file of columns names, if there are two or more; else none."""
     names = dict.fromkeys(log.rule.session for log in estimate.logs if log.rule.session is not None)
     if len(names) < 2 or estimate.fit is None:
         return ()
@@ -49,7 +49,7 @@ def _by_session(rows: Rows) -> Rows:
 
 
 def sentences(fitted_sessions: tuple[Session, ...]) -> list[str]:
-    """What differs by more than its errors, a sentence each."""
+    """A sentence on each quantity that differs between sessions by more than the errors."""
     remarks: list[str] = []
     for key, quantity in (("c", "friction"), ("offset", "offset of i_q")):
         own = {session.name: session.values[key] for session in fitted_sessions if key in session.values}

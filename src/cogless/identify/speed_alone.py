@@ -1,4 +1,4 @@
-"""What the speed alone says: orders, what may make them, how they change, and fixed frequencies."""
+"""Diagnose logs by the speed alone: orders, possible causes, change with speed, fixed frequencies."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from cogless.identify.causes import MECHANICS, SPEED_RATIO_LEAST, OrderCauses, g
 from cogless.identify.steady import Steady
 from cogless.units import TURN
 
-SPEED_EXPONENT = 0.5  # a ripple changes with the speed from this exponent of it on, in magnitude
+SPEED_EXPONENT = 0.5  # least magnitude of the exponent of the speed at which a ripple falls or grows
 FREQUENCY_DIFFERENCE = 0.03  # relative: frequencies that differ by less are one
 LARGE_SHARE = 0.05  # share of a ripple's square: smaller orders are in no sentence
 
 
 def by_order(parts: Sequence[Steady], poles: int) -> list[OrderCauses]:
-    """The orders of the speed in these parts, with what may make them."""
+    """The orders of the speed in these parts, with their possible causes."""
     return [order_causes(part, order, guess(part, order, poles)) for part in parts for order in part.orders]
 
 
 def sentences(orders: Sequence[OrderCauses]) -> list[str]:
-    """How orders change with speed, and frequencies that stay."""
+    """Sentences on orders that fall or grow with speed, and on frequencies that stay the same."""
     sizes_by_order: dict[int, dict[float, float]] = defaultdict(dict)
     for entry in orders:
         if entry.share > LARGE_SHARE:
@@ -49,9 +49,10 @@ def sentences(orders: Sequence[OrderCauses]) -> list[str]:
 
 
 def _fixed(orders: Sequence[OrderCauses]) -> list[str]:
-    """A frequency at which different orders are large at different speeds: something swings, or orders meet.
+    """A sentence on a frequency at which different orders are large at different speeds.
 
-    At two speeds any two orders may meet by chance; at a third they would not.
+    Something swings at this frequency, or the orders have it by chance. At two speeds any two orders may have
+    the same frequency by chance; at a third speed they would not.
     """
     large = sorted((entry for entry in orders if entry.share > LARGE_SHARE), key=lambda entry: entry.speed)
     best: list[OrderCauses] = []
@@ -79,5 +80,5 @@ def _fixed(orders: Sequence[OrderCauses]) -> list[str]:
 
 
 def _hertz(entry: OrderCauses) -> float:
-    """Frequency of an order at its speed."""
+    """Frequency of an order at its speed, Hz."""
     return entry.order * entry.speed / TURN

@@ -1,4 +1,4 @@
-"""Parts of logs at a steady speed, and the waves of speed and current over the rotor's angle in them."""
+"""Find parts of logs at a steady speed, and the waves of speed and current over the rotor's angle there."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from cogless.identify.waves import Waves, standing_waves, waves_of_signal
 from cogless.results.trace import Array
 from cogless.units import TURN
 
-SPEED_DEVIATION = 0.1  # relative: what is within it of a speed is steady
+SPEED_DEVIATION = 0.1  # relative deviation of a steady speed, at most
 SMOOTHING_TIME = 0.2  # s
 TURNS_LEAST = 1.0
-OVERLAP_LEAST = 0.5  # turns that are passed twice at the same speed
-REVERSAL_ANGLE = np.pi / 2  # rad by which a rotor turns back that turns around
+OVERLAP_LEAST = 0.5  # least turns that the rotor passes twice at the same speed
+REVERSAL_ANGLE = np.pi / 2  # rad: a rotor that turns back by more reverses
 ROWS_LEAST = 20
 
 
@@ -30,10 +30,10 @@ ROWS_LEAST = 20
 class Steady:
     """A part of a log that turns in one direction at one speed.
 
-    `rows`: of the log. `theta`: rad, without the sensor's error as far as it is known: that is `error`, rad,
-    by order, Re(E exp(j n theta)) beyond the rotor's angle. `speed`: mean, signed, rad/s. `load`: mean i_q,
-    A, positive where it drives; NaN without current. `step`: of the angle, rad. `own_orders`: of the motor,
-    which may be beyond what the rows show.
+    `rows`: indices in the log. `theta`: angle without the sensor's known error, rad. `error`: this error E by
+    order n, rad: the sensor shows Re(E exp(j n theta)) more than the rotor's angle. `speed`: mean, signed,
+    rad/s. `load`: mean i_q, A, positive where it drives; NaN without current. `step`: step of the measured
+    angle, rad. `own_orders`: orders of the motor; some may be too high for the rows to show.
     """
 
     log: Log
@@ -120,9 +120,9 @@ def steady(
 ) -> Iterator[Steady]:
     """Steady parts of a log, one for each direction and stretch.
 
-    `step`: of the angle, rad. `error`: the sensor's error, for which the log's angle is corrected already.
-    That error and cogging change the speed within a turn. So a speed also counts as steady if the rotor
-    passes each angle a turn later as fast as before.
+    `step`: step of the measured angle, rad. `error`: the sensor's error; the log's angle is already corrected
+    for it. Sensor error and cogging change the speed within a turn. So a speed also counts as steady if the
+    rotor passes each angle a turn later at the same speed.
     """
     for stretch in log.stretches:
         theta = log["theta"][stretch]
@@ -168,7 +168,7 @@ def _one_way(theta: Array) -> Iterator[slice]:
 
 
 def _alike_a_turn_later(angle: Array, smooth: Array) -> NDArray[np.intp]:
-    """The longest run of rows in which the speed at each angle equals that of a turn before or later.
+    """The longest run of rows in which the speed at each angle equals the speed a turn before or later.
 
     `angle` grows; `smooth` is its smoothed speed.
     """

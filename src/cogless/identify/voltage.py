@@ -1,8 +1,8 @@
-"""K_t and R from the voltage, u_q = R i_q + K_e omega + p omega L_d i_d, and what a bridge loses.
+"""Find K_t and R from u_q = R i_q + K_e omega + p omega L_d i_d plus the voltage that the bridge loses.
 
-Two unknowns enter the errors. The bridge loses less at small currents, whose ripple reverses them within a
-period; the limit of this is unknown. And the logged voltage may be the motor's, or a command that acts later,
-when the rotor has turned on.
+Two unknowns enter the errors. First, the bridge loses less voltage at small currents, since the ripple
+reverses them within a period; up to which current is unknown. Second, the logged voltage may be the motor's
+or a command. A command acts later, when the rotor has turned further.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from cogless.units import TURN
 
 STEADY_PARTS_LEAST = 4  # steady parts, for three unknowns
 PEAK_OVER_RMS = math.sqrt(2)
-TEMPERATURE_RISE = (PEAK_OVER_RMS - 1) / 3.93e-3  # K, by which copper has sqrt(2) times the resistance
-R_ERROR_MOST = 0.1  # relative error of R, at most, that tells sqrt(2) from 1
+TEMPERATURE_RISE = (PEAK_OVER_RMS - 1) / 3.93e-3  # K: this warms copper to sqrt(2) times the resistance
+R_ERROR_MOST = 0.1  # largest relative error of R at which a factor of sqrt(2) is clear
 SPEED_SPREAD_LEAST = 2.0  # ratio of the fastest speed to the slowest, at least
-SOFT_SHARES = (0.1, 0.3)  # of the largest mean current: bands in which the bridge may lose less
+SOFT_SHARES = (0.1, 0.3)  # currents below which the bridge may lose less, over the largest mean current
 VOLTAGE_GAIN = 0.01  # relative error of an inverter's voltage
 UNDRIVEN = ("coast-down", "bridge-off")  # kinds of log without a voltage of the bridge
-MEAN_ROWS, PARTS_MOST, PARTS_LEAST = 20, 500, 40  # rows of a mean; means of a log
-UNLIKE_R = 3.0  # of R over that of the datasheet: warm copper, leads and what a bridge loses stay below it
-K_T_DIFFERENCE = 0.1  # relative difference of K_t that warm magnets and the voltage's own gain may make
+MEAN_ROWS, PARTS_MOST, PARTS_LEAST = 20, 500, 40  # least rows of a mean; most and least means of a log
+UNLIKE_R = 3.0  # measured R over the datasheet's: warm copper, leads and the bridge's losses give less
+K_T_DIFFERENCE = 0.1  # largest relative difference of K_t by warm magnets and the gain of the voltage
 
 
 def constants_from_voltage(identification: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
-    """K_t, N*m/A, by the back-EMF of the steady parts of these logs, and R, ohm; None: they don't show it.
+    """K_t, N*m/A, by the back-EMF in the steady parts of these logs, and R, ohm; None: not known from these.
 
     The errors at 95 % have three parts: the residual of the fit, 1 % for the inverter's gain, and the change
     of the values with the unknowns of bridge and voltage.
@@ -71,7 +71,7 @@ def constants_from_voltage(identification: Identification, logs: Sequence[Log]) 
 
 
 def _lost(parts: Sequence[Steady], band: float) -> Array:
-    """The mean sign of each part's current. Within the band, A, current / band takes the sign's place."""
+    """The mean sign of each part's current. Within +-`band`, A, current / band takes the sign's place."""
     currents = [part.log["i_q"][part.rows] for part in parts]
     return np.array([np.mean(np.clip(i / band, -1, 1) if band else np.sign(i)) for i in currents])
 
@@ -92,8 +92,9 @@ def _fitted(speeds: Array, currents: Array, voltages: Array, lost: Array) -> tup
 def require_units(identification: Identification, logs: Sequence[Log]) -> None:
     """Refuse an angle with its speed, or a current, in a unit that the voltage contradicts.
 
-    K_e and R are of means over parts of each log: factors of units are far larger than what ripple, a
-    bridge's losses, warm magnets and a warm winding make. A factor of K_t's definition is none of them.
+    K_e and R are fitted to means over parts of each log. Factors between units are far larger than the effect
+    of ripple, bridge losses, warm magnets and a warm winding. A K_e that is off by a factor between two
+    definitions of K_t is not refused.
     """
     for log in logs:
         measured = _of_parts(identification, log)
@@ -158,7 +159,7 @@ def _as_toml(key: str, value: str | float) -> str:
 
 
 def _of_parts(identification: Identification, log: Log) -> tuple[Array, Array] | None:
-    """K_e and R by means over parts of a log, and their errors at 95 %; None: it does not show them."""
+    """K_e and R by means over parts of a log, and their errors at 95 %; None: not known from this log."""
     if not log.dt or not {"u_q", "i_q", "theta"} <= log.signals.keys() or log.kind in UNDRIVEN:
         return None
     rows = max(MEAN_ROWS, len(log) // PARTS_MOST)
@@ -188,7 +189,7 @@ class Agreement(str):
 
 
 def check(identification: Identification, logs: Sequence[Log]) -> list[str]:
-    """What the voltage says of the K_t that the file of columns gives, and of the current's unit by R."""
+    """Sentences on the described K_t, compared with the voltage, and on the current's unit, by R."""
     constants = constants_from_voltage(identification, logs)
     if constants is None:
         return []
@@ -220,7 +221,7 @@ def _of_k_t(identification: Identification, measured: Value) -> str:
 
 
 def _of_r(identification: Identification, measured: Value) -> list[str]:
-    """A current in rms amperes is 1/sqrt(2) of the one that the voltage drives through R."""
+    """Advice if R is sqrt(2) times the described one: then i_q may be in rms amperes."""
     described = identification.motor.star().R_s
     away = abs(measured.value - PEAK_OVER_RMS * described)
     if measured.error > R_ERROR_MOST * measured.value or away > measured.error:

@@ -1,7 +1,7 @@
 """Waves of a rotor's motion over its angle, by joint least squares, and the orders that can be seen.
 
-The speed is the angle's difference between two rows. A wave of order n of the angle appears in it as the
-difference of exp(j n theta) between the same rows. So nothing is lost between the rows. The steps of the
+The speed is the angle's difference between two rows. A wave of order n of the angle appears in the speed as
+the difference of exp(j n theta) between both rows. So nothing is lost between the rows. The steps of the
 angle leave noise in the speed, which counts as measurement. Its spectrum follows from the fitted motion.
 """
 
@@ -27,21 +27,21 @@ from cogless.units import TURN
 
 MOTION_ORDER_HIGHEST = 1000  # highest order that is looked for
 WAVES_MOST = 60  # orders of one part
-ANGLE_CELLS = 8192  # of a turn, in which the residual is summed: an order has eight of them
-NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their power over the strongest's, which leaks by less
+ANGLE_CELLS = 8192  # cells of a turn in which the residual is summed, eight for each wave of order 1000
+# most new orders of a round, and their least power over the strongest order's, which leaks less than this
+NEW_MOST, NEW_SHARE = 4, 0.25
 FLOOR_ORDERS = 41  # neighbouring orders whose median is the floor of one
-# orders in which the steps of the angle are as strong as at one, since their speed is not known
-NEAR_ORDERS = 5
-STEPS_RATIO = 4.0  # power over that which they have, from which on it is an order
-STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and their size for noise beside them
+NEAR_ORDERS = 5  # orders over which a power by the angle's steps counts, since its order is not exact
+STEPS_RATIO = 4.0  # least power of an order over the power that the angle's steps have there
+STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and a margin on their size for noise
 MOTION_BLOCKS = 24  # parts of the rows, each left out for the errors
 RIDGE_SHARE = 1e-9  # share of the diagonal of scaled normal equations that is added to it
 TAPER_SHARE = 0.25  # share of the rows, at both ends, that count less: a log may begin with a transient
-SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
+SLOW_SHARE, SLOW_MOST = 0.8, 20  # columns of slow changes of the speed: count for each turn, largest count
 PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
 SMOOTH_ROWS = (5, 20)  # widths of filters that show the motion between the steps of the angle
-SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # a spectrum is the mean over segments of the rows
-SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be seen
+SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # most rows of a spectrum's segments, and least count of segments
+SEEN_SHARE = 0.01  # share of the ripple's square at which an order should be seen; else it is hidden
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +156,8 @@ def standing_waves(
     """The waves that stand out of an angle's motion, at a false-alarm rate of 1 % for the whole search.
 
     `measured`: the measured angle, which is `theta` with the sensor's error. `step`: of the measured angle,
-    rad. `own`: orders of the motor. The search also covers those above half the rows' rate that the rows do
-    not confuse with another order.
+    rad. `own`: orders of the motor. The search includes such an order above half the rows' rate,
+    unless the rows confuse the order with another one.
     """
     turns = abs(theta[-1] - theta[0]) / TURN
     speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
@@ -172,7 +172,7 @@ def standing_waves(
     search = _Search(motion, candidates, top, step)
     orders = search.significant(search.grown([]))[0]
     sure = [n for n, wave in search.significant(orders)[1].items() if abs(wave) > step / np.pi]
-    if len(sure) < len(orders):  # what is as small as a step is sought again, beside what is known by now
+    if len(sure) < len(orders):  # Orders as small as a step are sought again, now that larger ones are known.
         orders = search.grown(sure)
     orders, amplitude, error = search.significant(orders)
     rest = search.rest(orders)
@@ -219,7 +219,7 @@ class _Search:
         return np.asarray(np.maximum(level * floor / math.log(2), self.sawtooth))
 
     def grown(self, orders: Sequence[int]) -> list[int]:
-        """These orders, and all others that stand out of the noise and of the steps of the angle."""
+        """These orders, and all other orders that stand out of the noise and of the steps of the angle."""
         orders = list(orders)
         while True:
             rest = self.rest(orders)
@@ -299,6 +299,6 @@ def _vibration(rest: Array, steps: Array, dt: float) -> float:
     density, gain = density[1:], (2 * np.sin(np.pi * frequency[1:] * dt) / dt) ** 2
     white = float(np.median((density / gain)[len(gain) // 2 :]))
     noise = np.maximum(welch(steps, 1 / dt, nperseg=length)[1][1:], white * gain)
-    freedom = 2 * len(rest) / length  # of windows that do not overlap; those between them add some
+    freedom = 2 * len(rest) / length  # degrees of freedom of windows without overlap; overlap adds some
     loud = density > noise * chi2.isf(FALSE_ALARM / len(density), freedom) / freedom
     return math.sqrt(float(np.sum((density - noise)[loud])) * frequency[1])

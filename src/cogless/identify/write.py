@@ -19,7 +19,7 @@ from cogless.study.messages import toml
 from cogless.study.motor import Motor
 from cogless.units import DEGREE, TURN
 
-TABLE_CELLS_LEAST, CELLS_A_WAVE = 1024, 8  # cells of a turn, and of a wave of the highest order
+TABLE_CELLS_LEAST, CELLS_A_WAVE = 1024, 8  # least cells of a turn, and of a wave of the highest order
 VALUE_NAMES = {
     "j": ("inertia over K_t", "A*s^2/rad", "inertia", "kg*m^2"),
     "c": ("Coulomb friction over K_t", "A", "coulomb_friction", "N*m"),
@@ -33,7 +33,7 @@ VALUE_NAMES = {
 
 
 def write_all(estimate: Estimate, folder: Path) -> None:
-    """Write motor.toml, identified.json, and what the logs tell of study.toml, cogging.csv, cogging.bin."""
+    """Write motor.toml and identified.json; with inertia study.toml; with cogging cogging.csv and .bin."""
     (folder / "identified.json").write_text(
         json.dumps(to_dict(estimate), indent=2, ensure_ascii=False) + "\n", "utf-8"
     )
@@ -98,7 +98,7 @@ def to_dict(estimate: Estimate) -> dict[str, Any]:
 
 
 def compensation(estimate: Estimate) -> StoredMap:
-    """The current that cancels the cogging, over the mechanical angle."""
+    """The map of the current that cancels the cogging, over the mechanical angle."""
     cells = max(TABLE_CELLS_LEAST, CELLS_A_WAVE * max(wave.order for wave in estimate.cogging))
     angle = TURN / cells * np.arange(cells)
     current = -sum(
@@ -116,7 +116,7 @@ def compensation(estimate: Estimate) -> StoredMap:
 
 
 def value_text(value: Value, unit: str = "") -> str:
-    """A value with its error at 95 %, as text: digits as far as the error has two."""
+    """A value with its error at 95 %, as text. It ends at the digit at which the error has two digits."""
     if value.error <= 0 or not np.isfinite(value.error):
         return f"{value.value:.4g} {unit}".rstrip()
     digits = max(1, int(np.floor(np.log10(max(abs(value.value), value.error) / value.error))) + 2)

@@ -26,11 +26,11 @@ def check(study: AnyStudy) -> None:
 def render(
     study: AnyStudy, command: str, for_own_motor: bool = False, limits: Mapping[str, str] = NO_LIMITS
 ) -> str:
-    """The page as one HTML text. `command`: the one that runs the study.
+    """The page as one HTML text. `command`: the command that runs the study.
 
-    `for_own_motor`: the page is for one's own motor. Its values change in the study, and its controllers with
-    them.
-    `limits`: by scenario, what limits its best run; the page shows it until a value is changed.
+    `for_own_motor`: make a page for one's own motor; the motor's values change in the study itself, so the
+    controllers change with them.
+    `limits`: by scenario, what limits its best run; the page shows this until a value is changed.
 
     StudyError as in `check`.
     """

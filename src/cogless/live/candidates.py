@@ -1,6 +1,7 @@
-"""Keys of a study that a page might change: gains, and of each scenario its motion, plant and sensors.
+"""Keys of a study that a page might change.
 
-Keys of a study of trials that a page might change: the learning, and of each phase its load and plant.
+In a study of speed these are gains, and the motion, plant and sensors of each scenario. In a study of trials
+these are the keys of learning, and the load and plant of each phase.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from cogless.study.table import Quantity
 class Candidate:
     """A key that a page might change.
 
-    `key`: as in `--set`; `label`: what the page calls it. `low`, `high`: of its slider, in `unit`.
-    `least`, `most`: what its field takes. `start`: the study's value. `factor`: from `unit` to SI.
-    `whole`: only whole numbers. `elsewhere`: it moves numbers of other scenarios' runs, too.
+    `key`: as in `--set`. `label`: the page's name for the key. `low`, `high`: the slider's ends, in `unit`.
+    `least`, `most`: limits of the input field. `start`: the study's value. `factor`: from `unit` to SI.
+    `whole`: only whole numbers. `elsewhere`: the key also changes runs of other scenarios than `scenario`.
     """
 
     key: str
@@ -45,7 +46,7 @@ class Candidate:
     scenario: str | None = None
     controller: str | None = None
     whole: bool = False
-    stops: tuple[float, ...] = ()  # the only values that it may have
+    stops: tuple[float, ...] = ()  # the only values that the key may have, if any
     elsewhere: bool = False
 
     def study_value(self, value: float) -> Any:
@@ -71,9 +72,10 @@ def shortest(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
-COGGING_ORDERS = 12  # of the motor: those beyond have no key
-# Keys of the drive and of what it turns. An override changes them, so the controller is not told. Each has
-# its group, its name, and the ends of its slider as shares of the study's value.
+COGGING_ORDERS = 12  # number of the motor's orders that have keys
+# Keys of motor, load and drive: group, name, and the slider's ends as shares of the study's value; the ends
+# of bits are numbers. An override changes these keys (in trials not those of the drive), so the controller
+# does not know the change.
 PLANT = (
     ("Load and motion", "mechanics.inertia", 0.3, 3.0),
     ("Load and motion", "mechanics.coulomb_friction", 0.0, 3.0),
@@ -109,6 +111,7 @@ PLANT = (
     ("Inverter", "drive.inverter.dead_time", 0.0, 4.0),
     ("Inverter", "drive.inverter.bus_voltage", 0.5, 1.5),
 )
+# Lines of an encoder: the stops of their key.
 LINES = (
     64,
     100,
@@ -131,6 +134,7 @@ LINES = (
     8192,
     10000,
 )
+# Keys of a reference, with the slider's ends as shares of the study's value.
 OF_REFERENCE = (
     ("speed", 0.1, 3.0),
     ("ramp", 0.2, 3.0),
@@ -142,7 +146,7 @@ OF_REFERENCE = (
 NO_GAINS = {"label", "baseline", "law", "seed", "memory", "period"}
 
 
-# Keys of one's own motor, of which the controller is told.
+# Keys of one's own motor. The controller is designed for their values.
 MOTOR = (
     "motor.pole_pairs",
     "motor.resistance_line_to_line",
@@ -158,12 +162,12 @@ MOTOR = (
 )
 CURRENT_LIMIT = "drive.current_loop.current_limit"
 YOURS = "Your motor"
-FIELD_WIDTH = 100.0  # a field takes this many times the slider's ends
-POLE_PAIRS_MOST, ORDER_MOST = 40.0, 400.0  # the highest order
+FIELD_WIDTH = 100.0  # ratio of an input field's limits to the slider's ends
+POLE_PAIRS_MOST, ORDER_MOST = 40.0, 400.0  # the upper ends of the two sliders
 
 
 def candidates(study: Study, for_own_motor: bool = False) -> Iterator[Candidate]:
-    """The keys that a page might change, in order of precedence; keys.py finds where each lands.
+    """The keys that a page might change, in order of precedence; keys.py finds the numbers that each sets.
 
     `for_own_motor`: the motor's values change in the study itself, so the controller is designed for them.
     Else an override of the scenario changes them, and the controller does not know.
@@ -178,7 +182,7 @@ def candidates(study: Study, for_own_motor: bool = False) -> Iterator[Candidate]
 
 
 def _of_limit(study: Study) -> Iterator[Candidate]:
-    """The current limit, of which the controller is told: one for all scenarios."""
+    """The key of the current limit, which is the same in all scenarios and which the controllers know."""
     owner, last, value = looked_up(study, study.source.tables, CURRENT_LIMIT)
     if value is not None and owner is not None:
         yield from key_candidate(
@@ -187,7 +191,7 @@ def _of_limit(study: Study) -> Iterator[Candidate]:
 
 
 def of_motor(study: Study) -> Iterator[Candidate]:
-    """The keys of the motor and what it turns, with all runs to change."""
+    """The keys of one's own motor and its load. Each of them changes all runs."""
     for key in MOTOR:
         owner, last, value = looked_up(study, study.source.tables, key)
         if value is None or owner is None:
@@ -309,7 +313,7 @@ def _overriding(where: str, own: Mapping[str, Any], key: str) -> str:
 
 
 def looked_up(study_here: AnyStudy, tables: Any, key: str) -> tuple[Any, str | int, Any]:
-    """The model that holds a key, the key's last part, and its value in the file; None if not there."""
+    """The model that holds a key, the key's last name, and its value in the file; None if it is missing."""
     owner: Any = study_here
     parts = [int(part) if part.isdigit() else part for part in key.split(".")]
     for n, part in enumerate(parts):
@@ -396,7 +400,7 @@ def key_candidate(
 
 
 def _quantities(info: Any) -> Iterator[Quantity]:
-    """Quantities within a field's annotation, the outermost first."""
+    """The quantities in a field's annotation, the outermost first."""
     yield from (entry for entry in info.metadata if isinstance(entry, Quantity))
 
     def quantities_in(annotation: Any) -> Iterator[Quantity]:
@@ -414,13 +418,13 @@ def quoted(name: str) -> str:
 
 
 OF_TRIALS = "Trials"
-SHIFT_MOST = 16  # samples: a slider of the shift reaches this at least
+SHIFT_MOST = 16  # samples: the slider of a shift reaches at least to this
 WEIGHT = "input_weight of all feedback (learning gains stay)"
-WEIGHT_SHARES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0)  # of the study's value: each is a design of its own
+WEIGHT_SHARES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0)  # shares of the study's value; each gets a design
 
 
 def trial_candidates(study: TrialStudy) -> Iterator[Candidate]:
-    """The keys that a page might change, those of controllers first; keys.py finds where each lands."""
+    """The keys that a page might change, controllers' first; keys.py finds the numbers that each sets."""
     for name in dict.fromkeys(controller for _, controller in page_runs(study)):
         yield from _of_trial_controller(study, name)
     yield from _weight(study)
@@ -434,10 +438,10 @@ def trial_candidates(study: TrialStudy) -> Iterator[Candidate]:
 
 
 def pinned(study: TrialStudy) -> tuple[TrialStudy, Changes]:
-    """The study with what its designs chose for learning written out, and these values by key.
+    """The study with the values that its designs chose for learning written into it, and these values by key.
 
-    Then the filter, the shift and the weight each move numbers of their own, and K_3 stays where it is. A
-    controller for which this would change a bit stays as it is.
+    Then the filter, the shift and the weight each move only their own numbers, and K_3 does not change. A
+    controller stays as it is if this would change a bit of its run.
     """
     pins: dict[str, Any] = {}
     for name in dict.fromkeys(controller for _, controller in page_runs(study)):
@@ -486,7 +490,7 @@ def _same_law(study: TrialStudy, other: TrialStudy, run: Pair) -> bool:
 
 
 def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
-    """Keys that leave the feedback's gains as they are, or that move these alone."""
+    """The keys of learning; each one leaves the feedback's gains as they are, or moves only these."""
     law, where = study.controller[name], f"controller.{quoted(name)}"
     if not law.learns_from_trials:
         return
@@ -505,7 +509,7 @@ def _of_filtered_law(study: TrialStudy, name: str, law: FilteredLaw) -> Iterator
     run = next(pair for pair in page_runs(study) if pair[1] == name)
     gain = law.TRIAL_GAIN
     has_gain, K_3 = getattr(law, gain) is not None, retuned(study, run, study).K_3
-    # Of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part.
+    # If the study says nothing of the update, the design chooses all of it, and K_3 is only a part.
     chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
     if K_3 and not chosen:
         yield from key_candidate(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
@@ -524,7 +528,7 @@ def _of_filtered_law(study: TrialStudy, name: str, law: FilteredLaw) -> Iterator
 
 
 def _weight(study: TrialStudy) -> Iterator[Candidate]:
-    """The weight of the input, with the learning gains as they are: only its ratio to the states' counts."""
+    """The key of the input's weight, if the study gives all learning gains, so that the weight moves none."""
     laws = [
         study.controller[name] for name in dict.fromkeys(controller for _, controller in page_runs(study))
     ]
@@ -586,7 +590,7 @@ def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:
 
 
 def _unfelt(study: TrialStudy, key: str) -> bool:
-    """Whether an ideal current loop makes no difference of this value."""
+    """Whether the value has no effect because the current loop is ideal."""
     electrical = ("R_s", "L_", "resistance", "inductance")
     ideal = study.drive is not None and isinstance(study.drive.current_loop, IdealCurrentLoop)
     return ideal and key.removeprefix("motor.").startswith(electrical)
@@ -595,7 +599,7 @@ def _unfelt(study: TrialStudy, key: str) -> bool:
 def _of_phase(
     study: TrialStudy, scenario: str, where: str, own: dict[str, Any], when: str
 ) -> Iterator[Candidate]:
-    """The loads of a phase, and the values that it gives the plant."""
+    """The keys of a phase: its loads, and the plant's values that the phase changes."""
     experiment = study.scenario[scenario]
     for n, (_, load) in enumerate(own.get("load_steps", ())):
         key = f"{where}.load_steps.{n}.1"
@@ -620,7 +624,7 @@ def _of_phase(
 
 @dataclass(frozen=True)
 class KindOfKeys:
-    """What a page may change in a kind of study. `pinned`: the study with its designs' values, and these."""
+    """What a page may change in a kind of study. `pinned`: returns what the function `pinned` returns."""
 
     candidates: Callable[[Any, bool], Iterator[Candidate]]
     pinned: Callable[[Any], tuple[AnyStudy, Changes]]

@@ -16,10 +16,10 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-# What of the engine a page needs; drive.cpp, plant_steps.cpp and what they include are all of the plant.
+# The engine's sources that a page needs. drive.cpp and plant_steps.cpp include all of the plant.
 ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "linear_trials.cpp", "drive.cpp", "plant_steps.cpp")
-# The native module is compiled without contraction, too, so both round numbers in the same way. The three
-# features, in all browsers since 2021, save a fifth of the time: a double becomes an integer without checks.
+# The native module is also compiled without contraction, so both round numbers in the same way. All browsers
+# have these features since 2021. They save a fifth of the time: a double becomes an integer without checks.
 FEATURES = ("-mbulk-memory", "-mnontrapping-fptoint", "-msign-ext")
 FLAGS = ("-target", "wasm32-wasi", "-O2", "-ffp-contract=off", "-fno-sanitize=all", *FEATURES)
 NAMES = {"single": "engine_single.wasm", "double": "engine_double.wasm"}
@@ -38,7 +38,7 @@ def compiled(sources: Path, target: Path, precision: str) -> None:
     defines = ["-DCOGLESS_DOUBLE"] if precision == "double" else []
     common = [*FLAGS, *defines, f"-I{library}", f"-I{simulator}"]
     c = ["cc", *common, "-std=c99"]
-    # a throw only has to reach the host: web.cpp has what the compiler calls for it
+    # an exception only has to reach the host; web.cpp defines the functions that a throw calls
     cpp = ["c++", *common, "-fexceptions", "-std=c++20"]
     jobs = [(c, path) for path in sorted((library / "cogless").glob("*.c"))]
     jobs = [(cpp, simulator / name) for name in ENGINE] + jobs
@@ -61,7 +61,7 @@ def _zig(arguments: list[str]) -> None:
 
 
 def cached(cache: Path, sources: Path, precision: str) -> Path:
-    """The path of the module of these sources and options in a cache. The file need not exist."""
+    """The path in a cache of the module that these sources and options give. The file may not exist yet."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for path in _files(sources):
         digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())

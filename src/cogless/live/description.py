@@ -1,8 +1,7 @@
-"""The engine's description of a run as flat bytes, and the place of each number in them.
+"""The engine's description of a run as flat bytes, and the place of each number in the bytes.
 
-simulator/packed_value.hpp reads these bytes.
-
-The data of each run that a page needs: the engine's packed description, and what the page itself reads.
+simulator/packed_value.hpp reads these bytes. The description of a page's run also has a table "page", with
+the numbers that the page itself reads.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ STRUCTS = {
     "drive.encoder_table": "cgl_encoder_table_config",
     "drive.dead_time": "cgl_dead_time_config",
 }
-SPARE_ORDERS = 3  # cogging orders that a page can add
+SPARE_ORDERS = 3  # number of cogging orders that a page can add
 REAL_VALUE = struct.Struct("<IId")
 POINTER_BYTES = 4  # bytes of a pointer in WebAssembly
 
@@ -56,7 +55,7 @@ class Number(NamedTuple):
 
 @dataclass(frozen=True)
 class Packed:
-    """A description as bytes. `numbers`: all numbers in it. `shape`: all else that it holds."""
+    """A description as bytes. `numbers`: all numbers in it. `shape`: all else, such as keys and lengths."""
 
     data: bytes
     numbers: tuple[Number, ...]
@@ -68,7 +67,7 @@ PackedRuns = Mapping[Place, Packed]
 
 
 def pack(description: Mapping[str, Any], precision: str) -> Packed:
-    """Pack a description. TypeError: a value that no description has."""
+    """Pack a description. TypeError: a value has a type that can't be packed."""
     law = C_LAWS.get(description["controller"]["law"])
     structs = STRUCTS | ({"controller.config": law.config} if law else {})
     packer = _Packer(precision, structs)
@@ -192,7 +191,7 @@ PACKERS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None
 
 @cache
 def _put(kind: Any) -> Callable[[_Packer, Any, str], None] | None:
-    """The packer's method for values of a class; None: no description has such a value."""
+    """The packer's method for values of a class; None: such values can't be packed."""
     return next((put for base, put in PACKERS if issubclass(kind, base)), None)
 
 
@@ -222,8 +221,8 @@ def every(study: AnyStudy) -> Iterator[Pair]:
 def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None = None) -> dict[str, Packed]:
     """The packed descriptions of a run: "run", and "learn" if a commissioning run comes before it.
 
-    `like`: the study of which this one is a changed copy. In trials its designs are reused.
-    StudyError or MisfitError: the study's values don't make a run.
+    `like`: the study from which this one was changed. For trials, the designs of `like` are reused.
+    StudyError or MisfitError: the study's values allow no run.
     """
     return BLOBS[study.kind](study, scenario, controller, like)
 
@@ -263,10 +262,10 @@ def _blob(study: Study, scenario: str, controller: str) -> Packed:
 
 
 def _with_spares(description: dict[str, Any]) -> dict[str, Any]:
-    """The description with cogging orders without torque after the motor's own.
+    """The description with spare cogging orders, without torque, after the motor's own orders.
 
-    They have an order that the motor's functions of the angle have already: another one would change how the
-    engine multiplies its way to the others, and with it their last bits.
+    A spare order repeats an order that the motor has already. A new order would change how the engine
+    computes the other orders by multiplication, and so their last bits.
     """
     motor = description["motor"]
     order = motor["cogging"][0]["order"] if motor["cogging"] else motor["pole_pairs"]
@@ -281,7 +280,7 @@ def _of_trials(
     design = retuned(study, run, study if like is None else like)
     page = {
         "trials": conditions.trials,
-        "ticks": study.samples(scenario) * timing.divider,  # A trial has as many.
+        "ticks": study.samples(scenario) * timing.divider,  # ticks of one trial
         "decimation": timing.decimation,
         "divider": timing.divider,
         "pole_pairs": conditions.pole_pairs,

@@ -1,4 +1,4 @@
-"""The engine as a WebAssembly module: from the package, or compiled once by ziglang and kept."""
+"""The engine as a WebAssembly module: from the package, or compiled once by ziglang and kept in a cache."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_COMPILER = (
 def module(precision: str) -> bytes:
     """The module with control laws in "single" or "double" precision.
 
-    StudyError: it came with no wheel, and there is no compiler for it.
+    StudyError: the package has no module, and ziglang is not installed or can't compile one.
     """
     for folder in package_folders():
         shipped = folder / "live" / NAMES[precision]
@@ -42,7 +42,7 @@ def module(precision: str) -> bytes:
 
 
 def is_there(precision: str) -> bool:
-    """Whether the module needs no compiling."""
+    """Whether the module exists, so that nothing must be compiled."""
     sources = control_sources().parents[1]
     places = [folder / "live" / NAMES[precision] for folder in package_folders()]
     return any(place.is_file() for place in (*places, cached(_cache(), sources, precision)))

@@ -1,4 +1,4 @@
-"""What a page calls a key beside its name in the study, in a drive engineer's words."""
+"""Words of a drive engineer for a key, which a page shows in addition to the key's name in the study."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from cogless.study import AnyStudy
 
-# By the key's last parts, the first that fits.
+# Patterns of a key's last parts, and words; the first pattern that fits counts.
 KEY_WORDS = (
     (r"tuning\.phase_margin", "phase margin of the speed loop"),
     (r"learning_start", "learning begins at"),

@@ -1,4 +1,4 @@
-"""Which keys of a study a page can change, and where each lands in the bytes that the engine reads.
+"""Which keys of a study a page can change, and which numbers each sets in the bytes that the engine reads.
 
 A study's values go to the engine through design rules and units, all in Python. A page has no Python. So each
 key is tried here: the study is changed as `--set` changes it, and all its descriptions are compared, number
@@ -10,10 +10,10 @@ a table. A page sets the numbers in the same way, so it runs what `cogless run -
 the same number, the first one stays. But the pole pairs of one's own motor share a number with a key that has
 stops: its table has a row for each stop and a column for each number of pole pairs.
 
-All keys that seem direct are tried together, each with a value of its own. If a run's bytes are wrong, the
-keys are halved, and only this run is described again, until the wrong keys remain.
+All keys that seem direct are tried together, each with a value of its own. If a run's bytes are wrong, each
+half of the keys is tried on this run alone, and so on, until the wrong keys remain.
 
-A value that the study refuses narrows the range of its key, and nothing else.
+A value that the study refuses only narrows the range of its key.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from cogless.study.reading import changed
 
 STOP_COUNT = 21
 TRIED_VALUES = 20
-# an end that is refused moves so often half the way to the study's value, or to the slider's end
+# an end is tried this often; if it is refused, it moves halfway to the study's value or the slider's end
 END_HALVINGS = 5
-PAIRS_REPEATS = 9  # times that a value is tried, each beside different pole pairs
+PAIRS_REPEATS = 9  # copies of a value: all but the first are tried, each with other pole pairs
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "it acts on the same numbers as another key"
 OTHER_SHAPE = "it changes the shape of the run's description"
 Samples = Callable[[Candidate], list[float]]
-Columns = Mapping[Number, Mapping[float, float]]  # of each number its value at each stop
+Columns = Mapping[Number, Mapping[float, float]]  # by number: its value at each stop
 
 
 @dataclass(frozen=True)
 class Landing:
     """A number that a key sets: the key's value in SI times `scale`, or one of `values` for each stop.
 
-    `by_pairs` replaces `values` where the number also depends on the pole pairs of one's own motor. It has a
-    row for each stop, with values from the least pole pairs on.
+    `rounded`: the product is rounded to a whole number. `by_pairs` replaces `values` if the number also
+    depends on the pole pairs of one's own motor: a row for each stop, a value for each number of pole pairs.
     """
 
     number: Number
@@ -88,7 +88,7 @@ class AdjustableKeys:
 
 
 def adjustable(study: AnyStudy, for_own_motor: bool = False) -> AdjustableKeys:
-    """The keys that a page can change. `for_own_motor`: the controller is told of the motor's, too."""
+    """The keys that a page can change. `for_own_motor`: the controllers know the motor's keys."""
     base = packed(study, page_runs(study))
     adjustable_keys, taken = AdjustableKeys(base=base), set[tuple[Place, int]]()
     listed = [_bounded(study, candidate) for candidate in _candidates(study, for_own_motor)]
@@ -146,7 +146,7 @@ def _numbers(key: Key, alone: bool = False) -> set[tuple[Place, int]]:
 
 
 def _of_slider(key: Key) -> Key:
-    """The key with a field that takes what its slider takes."""
+    """The key with the field's limits at the slider's ends."""
     candidate = key.candidate
     return replace(key, candidate=replace(candidate, least=candidate.low, most=candidate.high))
 
@@ -196,7 +196,7 @@ def _own_motor(study: AnyStudy, base: PackedRuns, keys: Sequence[Candidate]) -> 
 def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
     """The candidate with a slider whose ends the study accepts."""
     if candidate.stops or (candidate.group == YOURS and candidate.key in OWN_MOTOR_KEYS):
-        return candidate  # of one's own motor, its other keys decide
+        return candidate  # `own_motor` narrows the keys of one's own motor
     return _within_study(study, candidate)
 
 
@@ -233,7 +233,7 @@ def _check_words(study: AnyStudy, present: Set[str]) -> None:
 def _tried(
     study: AnyStudy, base: PackedRuns, candidate: Candidate, own: OwnMotor | None
 ) -> tuple[Key | None, str]:
-    """The key as one value shows it, or why there is none; `disproved` tries more values."""
+    """The key as a test at one value gives it, or why there is none; `disproved` tries more values."""
     value, changed_blobs, why = _first_accepted(study, candidate)
     if why:
         return None, why
@@ -251,7 +251,7 @@ def _tried(
 
 
 def _with_all_runs(study: AnyStudy, base: PackedRuns, listed: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates, with those of a scenario marked that also move numbers of other scenarios' runs.
+    """The candidates; one of a scenario is marked `elsewhere` if it moves numbers of other scenarios' runs.
 
     An example is the slowest reference, if the orders that a law learns depend on it.
     """
@@ -305,8 +305,8 @@ def disproved(
 ) -> list[Key]:
     """The keys for which a page's bytes would differ from those of `--set`, at several values of all keys.
 
-    The pole pairs of one's own motor change with them. `alone`: also a key that the study refuses with such a
-    value.
+    The pole pairs of one's own motor change, too. `alone`: a key is also wrong if the study refuses such a
+    value of this key alone.
     """
     runs, wrong, right = page_runs(study), list[Key](), list(keys)
     for n in range(1, len(samples(keys[0].candidate)) if keys else 0):
@@ -377,7 +377,7 @@ def _as_set(unchanged: Packed, place: Place, tried: Sequence[Tried]) -> bytearra
 def _accepted_values(
     study: AnyStudy, values: Sequence[tuple[Candidate, float]], pairs: Sequence[Pair] | None = None
 ) -> PackedRuns | None:
-    """The descriptions with these values, as of `_changed`; None if the study refuses the values together."""
+    """What `_changed` returns; None if the study refuses the values together."""
     try:
         return _changed(study, values, pairs)
     except (StudyError, MisfitError):
@@ -447,9 +447,9 @@ def _tabulated(study: AnyStudy, base: PackedRuns, candidate: Candidate) -> Key |
 def _columns(
     study: AnyStudy, base: PackedRuns, pair: Pair, variants: dict[float, AnyStudy]
 ) -> dict[Place, Columns]:
-    """Of a run each number that these variants of the study move, with its values.
+    """By place of a run: each number that these variants of the study move, with its value in each variant.
 
-    A variant that the run refuses, or that gives it another shape, is taken out of `variants`.
+    A variant that allows no run, or gives the run another shape, is removed from `variants`.
     """
     tables: dict[float, PackedRuns] = {}
     for value in list(variants):
@@ -575,14 +575,14 @@ def landed(landing: Landing, si: float) -> float:
 
 
 def samples(candidate: Candidate) -> list[float]:
-    """Values across the slider, as irregular as they can be: by the golden section."""
+    """Values across the slider, irregularly spaced by the golden section."""
     span = candidate.high - candidate.low
     values = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIED_VALUES + 1)]
     return [float(round(value)) if candidate.whole else float(f"{value:.7g}") for value in values]
 
 
 def _wide(candidate: Candidate) -> list[float]:
-    """Values that only the field takes, behind one that is not tried."""
+    """A value that `disproved` does not try, then values outside the slider that only the field takes."""
     below, above = candidate.low - candidate.least, candidate.most - candidate.high
     values = [candidate.low, candidate.least + 0.1 * below, candidate.high + 0.37 * above, candidate.most]
     return [float(f"{value:.7g}") for value in values]

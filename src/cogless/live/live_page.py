@@ -1,4 +1,4 @@
-"""The live page: one HTML file with the engine in it, which runs a study again at each change of a value."""
+"""The live page: one HTML file with the engine, which runs a study again whenever a value is changed."""
 
 from __future__ import annotations
 
@@ -61,14 +61,14 @@ def render(
     limits: Mapping[str, str] = NO_LIMITS,
     pins: Changes = NO_PINS,
 ) -> str:
-    """The page as one HTML text. `command`: the one that runs the study, without changes made in the page.
+    """The page as one HTML text. `command`: the command that runs the study, without changes from the page.
 
-    `pins`: values of the study that its file leaves to the design; a command that changes a controller needs
-    these, too.
+    `pins`: values of the study that its file leaves to the design; a command that changes a controller must
+    set these, too.
 
-    `limits`: by scenario, what limits its best run, where that was looked for.
-    `for_own_motor`: the motor's values are changed in the study, so that the controller is told, not in an
-    override.
+    `limits`: by scenario, what limits its best run, if that was looked for.
+    `for_own_motor`: the motor's values are changed in the study itself, not in an override, so that the
+    controllers know them.
 
     StudyError: no WebAssembly engine, or no run that a page can hold.
     """
@@ -126,7 +126,7 @@ def data(
     limits: Mapping[str, str] = NO_LIMITS,
     pins: Changes = NO_PINS,
 ) -> dict[str, Any]:
-    """All that the page's scripts need, as plain values."""
+    """All data that the page's scripts need, as plain values."""
     pairs = page_runs(study)
     page = PAGES[study.kind]
     spares, cogging = page.spare_orders(study, adjustable_keys.base)
@@ -254,7 +254,7 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
     return {
         "name": result_name(metric),
         "titles": titles,
-        # of each title the first phase and the one after the last; null: a value a title
+        # for each title: its first phase, and the phase after its last; null: one value per title
         "groups": None if rows is None else [group for _, group in rows],
         "unit": unit,
         "factor": factor(unit, dimension) if dimension is not NONE and unit else 1.0,
@@ -263,7 +263,7 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
         "signal_unit": SIGNAL_DIMENSIONS[metric.signal].unit if metric.signal else "",
         "units": {name: SIGNAL_DIMENSIONS[name].unit for name in ("omega_ref", "i_d_ref", "i_q_ref")},
         "order": metric.order,
-        "revolutions": whole_revolutions(metric.order or ()),  # that have whole periods of every order
+        "revolutions": whole_revolutions(metric.order or ()),  # number with whole periods of every order
         "frame": metric.frame,
         **_carriage(study, scenario, metric),
         "window": metric.window,
@@ -277,9 +277,9 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
 
 
 def _phases_listed(study: TrialStudy, scenario: str, metric: Metric) -> list[tuple[str, tuple[int, int]]]:
-    """Name of each group of phases with its first phase and the one after its last.
+    """The name of each group of phases, with the group's first phase and the phase after its last.
 
-    A number for each trial is drawn, not listed.
+    Empty for a metric with a number for each trial: the page draws these numbers.
     """
     listed = [] if metric.kind in EACH_TRIAL else groups(phases(study.scenario[scenario]))
     ends = accumulate((len(group.phases) for group in listed), initial=0)
@@ -288,17 +288,17 @@ def _phases_listed(study: TrialStudy, scenario: str, metric: Metric) -> list[tup
 
 @dataclass(frozen=True)
 class KindOfPage:
-    """What a page knows of a kind of study."""
+    """What a page needs to know about a kind of study."""
 
-    scenario: Callable[[Any, str], dict[str, Any]]  # besides controllers and metrics
+    scenario: Callable[[Any, str], dict[str, Any]]  # a scenario's data besides controllers and metrics
     turn: Callable[[Any, str], float]  # mechanical revolutions that a controller's learned map spans
-    # names of a metric's values and which they are; None: one value, or one per order
+    # a metric's titles, each with its first phase and the one after its last; None: a value, or one per order
     values: Callable[[Any, str, Metric], list[tuple[str, tuple[int, int]]] | None]
-    # keys of the cogging orders that can be added, and those that the study has
+    # keys of the cogging orders that can be added, and the orders that the study has
     spare_orders: Callable[[Any, Mapping[Place, Packed]], tuple[list[Key], dict[str, Any]]]
     sensor_choices: Callable[
         [Any, AdjustableKeys, list[Key]], Sequence[Any]
-    ]  # sensors that can be chosen in their place
+    ]  # position sensors that can be chosen instead
 
 
 PAGES: Mapping[Kind, KindOfPage] = {
@@ -320,7 +320,7 @@ PAGES: Mapping[Kind, KindOfPage] = {
 
 
 def _run(blob: Packed) -> dict[str, Any]:
-    """A packed description, and the places in it of what the page reads."""
+    """A packed description, and the places of the numbers in it that the page reads."""
     places = {n.path: [n.offset, n.format] for n in blob.numbers}
     page_places = {
         path: at for path, at in places.items() if path.startswith("page.") and ".learned." not in path
@@ -335,7 +335,7 @@ def _run(blob: Packed) -> dict[str, Any]:
 
 
 def _off(places: dict[str, list[Any]]) -> list[Any] | None:
-    """The number with which a law never learns: its place, and it."""
+    """Offset, format and value of a number that keeps a law from learning; None if there is none."""
     for path, value in (("controller.learning_start", NEVER_LEARNS), ("controller.config.k_3", 0.0)):
         if path in places:
             return [*places[path], value]
@@ -365,7 +365,7 @@ def _key(study: AnyStudy, key: Key) -> dict[str, Any]:
 
 
 def _with_sensors(packed_key: dict[str, Any], key: Key, sensors: Sequence[SensorChoice]) -> dict[str, Any]:
-    """The key with its landings in the runs with other sensors, too: their places begin with a number."""
+    """The key, also with the numbers that it sets with other sensors, at places that begin with "SENSOR|"."""
     for n, sensor in enumerate(sensors, 1):
         for place, lands in sensor.lands.get(key.candidate.key, {}).items():
             packed_key["lands"][f"{n}|{_place(place)}"] = [_landing(key, one) for one in lands]
@@ -383,7 +383,7 @@ def _landing(key: Key, one: Any) -> list[Any]:
 
 
 def _motor(study: AnyStudy, adjustable_keys: AdjustableKeys) -> dict[str, Any] | None:
-    """What a page needs to set the numbers of one's own motor."""
+    """What a page needs to set the numbers that depend on one's own motor; None without one."""
     own = adjustable_keys.own_motor
     if own is None:
         return None

@@ -9,13 +9,13 @@ from cogless.live.keys import Key
 from cogless.starter.motor_rules import cogging_orders
 from cogless.starter.part_catalogue import Part, parts
 
-OWN_CLASS = "own"  # stands for any motor: nothing to pick
+OWN_CLASS = "own"  # stands for any motor; a page doesn't offer it
 
 
 def motor_classes(keys: Sequence[Key]) -> list[dict[str, Any]]:
     """Each class with a winding of three phases: its name, its words, and a value for each key of the motor.
 
-    A value is the class's typical one in the key's unit, to four digits. Keys that the page lacks have none.
+    A value is the class's typical one in the key's unit, to four digits. Keys that the page lacks get none.
     """
     candidates = {key.candidate.key: key.candidate for key in keys}
     classes = []
@@ -28,7 +28,7 @@ def motor_classes(keys: Sequence[Key]) -> list[dict[str, Any]]:
 
 
 def _usual(part: Part) -> dict[str, float]:
-    """The typical values of a class, SI, by the keys of a study. A datasheet's are between two terminals."""
+    """The typical values of a class, SI, by the keys of a study. R and L are between two terminals."""
     slots, poles = part.layouts[0]
     torque = part["rated_torque"].typical
     values = {

@@ -5,8 +5,8 @@ current loop to R_s or L. Beyond that the gains depend on R_s / L alone. So each
 study, times a power of each key, times a factor for the pole pairs, times a curve over R_s / L. All of these
 are found by changing the study as `--set` does, and tested at other values of all keys together.
 
-A change that the study refuses narrows what the page takes, and nothing else: the pole pairs, the ends of
-R_s / L, or the range of the key that was changed.
+A change that the study refuses only narrows a range that the page accepts: the pole pairs, R_s / L, or the
+key that was changed.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ OWN_MOTOR_KEYS = frozenset(
         "drive.inverter.bus_voltage",
     )
 )
-CURVE_NODES = 24  # nodes of the curve, at Chebyshev's places over log(R_s / L)
+CURVE_NODES = 24  # Chebyshev nodes of the curve over log(R_s / L)
 SLOWEST_RATIO, FASTEST_RATIO = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
-RETREAT_POWER = 0.8  # power of a share of R_s / L that the study refuses, for an end nearer to 1
-NO_ROOM = 1e-3  # an end this near to 1 is 1
-CLOSE = {"f": 3e-7, "d": 1e-12}  # relative; other numbers are whole
-POWER_TOLERANCE = 1e-5  # distance of a power from a whole number that counts as none
-CHECKED_MOTORS = 12
-# the logarithm of a refused share is halved so often, until _check gives up: 100 has become 1.02
+RETREAT_POWER = 0.8  # a refused share of R_s / L to this power is the next end to try
+NO_ROOM = 1e-3  # an end that differs less from 1 becomes 1
+CLOSE = {"f": 3e-7, "d": 1e-12}  # relative tolerance by format; other formats are whole
+POWER_TOLERANCE = 1e-5  # a power that differs less from a whole number counts as whole
+CHECKED_MOTORS = 12  # sets of values of all keys at which the products are tested
+# tries of _check: after each refusal it halves the logarithms of all shares, so that 100 ends as 1.04
 SHARE_HALVINGS = 8
 STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # factors on a key's value; the first accepted is used
 
@@ -49,13 +49,14 @@ Narrow = Callable[[Candidate], Candidate]
 
 @dataclass(frozen=True)
 class Product:
-    """A number: `start` times each key's share of its value in the study to its power, and so on."""
+    """A number as a product: `start`, each key's value over the study's to the power of `powers`, the factor
+    for the pole pairs, and the value of the curve."""
 
     number: Number
     start: float
     powers: Mapping[str, int]
-    factors: tuple[float, ...] = ()  # from the least pole pairs on, of a whole number its values; none: 1
-    curve: tuple[float, ...] = ()  # It has a value at each of `nodes`; none: 1.
+    factors: tuple[float, ...] = ()  # from the least pole pairs on; for whole numbers, the values; empty: 1
+    curve: tuple[float, ...] = ()  # values at `nodes`; empty: 1
 
 
 @dataclass(frozen=True)
@@ -162,7 +163,7 @@ def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> Pa
 
 
 def _turned(base: PackedRuns, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, PackedRuns]]:
-    """The pole pairs that the study accepts without a gap around its own, and the descriptions of each."""
+    """The key with the pole pairs that the study accepts without a gap, and by number the descriptions."""
     start, turned = round(pairs.start), {round(pairs.start): base}
     for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
         for n in numbers:
@@ -175,9 +176,9 @@ def _turned(base: PackedRuns, changed: Changed, pairs: Candidate) -> tuple[Candi
 
 
 def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, PackedRuns]]]:
-    """The ends of R_s / L within which the study accepts every node.
+    """The ends of R_s / L within which the study accepts every node, and two values for each node.
 
-    Each node has a share of the study's L and the descriptions with it.
+    These are the node's share of the study's L, and the descriptions with it.
     """
     ends = [SLOWEST_RATIO, FASTEST_RATIO]
     while True:
@@ -195,7 +196,7 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
 
 
 def _scaled(base: PackedRuns, changed: Changed, *keys: Candidate) -> tuple[float, PackedRuns]:
-    """The first of STEPS that the study accepts for these keys together, with its descriptions; else 1."""
+    """The first of STEPS that the study accepts for all these keys, and the descriptions; or 1 and `base`."""
     for share in STEPS:
         changed_blobs = _accepted(changed, [(key, share * key.start) for key in keys])
         if changed_blobs is not None:
@@ -245,7 +246,7 @@ def _is_whole(x: float) -> bool:
 
 
 def _check(base: PackedRuns, changed: Changed, own: OwnMotor) -> None:
-    """StudyError: a number is not what its product says, or one moves that has none."""
+    """Test the products. StudyError: a number differs from its product, or moves and has no product."""
     for n in range(CHECKED_MOTORS):
         for halvings in range(SHARE_HALVINGS):
             values = own.together(n, 0.5**halvings)

@@ -1,8 +1,8 @@
-"""Other position sensors and ways to the speed that a page can choose: for each the runs' descriptions.
+"""Other position sensors and speed methods that a page can choose: for each the runs' descriptions.
 
 A sensor of another kind changes the shape of a description, which no key can. So a page holds all runs'
-descriptions with each sensor. A key that sets a number to its value works there too, if a test at some values
-of all keys shows it; a key with stops keeps the study's value.
+descriptions with each sensor. A direct key works there too, if a test at some values of all keys confirms it;
+a key with stops keeps the study's value.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ OTHER_SENSORS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("absolute, 14 bits", {"kind": "absolute", "bits": 14}),
     ("incremental, 1024 lines", {"kind": "encoder", "lines": 1024, "speed_method": "MT"}),
 )
-OBSERVER_SHARE = 40  # the observer's bandwidth: the speed loop's rate over this
-SENSOR_VALUES = 2  # of each key with another sensor; the first is not tried
+OBSERVER_SHARE = 40  # ratio of the speed loop's rate to the observer's bandwidth
+SENSOR_VALUES = 2  # values of each key with another sensor; the first is not tried
 
 
 @dataclass(frozen=True)
 class SensorChoice:
-    """A sensor by its words, its TOML, the runs' descriptions with it, and where each key lands in these."""
+    """A sensor: its words, its TOML, the runs' descriptions, and by key the numbers that it sets there."""
 
     words: str
     text: str
@@ -49,7 +49,7 @@ class SensorChoice:
 
 
 def sensor_choices(study: Study, page_keys: AdjustableKeys, spares: Sequence[Key]) -> list[SensorChoice]:
-    """The sensors that the study takes in place of its own; none where no keys were looked for."""
+    """The sensors that the study accepts in place of its own; none if no keys were looked for."""
     if not page_keys.base:
         return []
     choices = []

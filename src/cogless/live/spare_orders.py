@@ -1,4 +1,4 @@
-"""Cogging orders that a page can add: each run's motor has some without torque, which wait for numbers.
+"""Cogging orders that a page can add: each run's motor has spare ones without torque, which the page sets.
 
 An order without torque adds zero to the motor's torque, which changes no bit of a run. The command that
 repeats a page's run gives all orders as one list, since a key cannot name a row that the study lacks.
@@ -20,18 +20,18 @@ from cogless.study.toml import toml
 GROUP = "Cogging orders that you add"
 ORDER_MOST = 400.0
 TORQUE_UNIT = "mN*m"
-TORQUE_SHARE = 0.1  # of the torque at the current limit: the slider's end
+TORQUE_SHARE = 0.1  # slider's end over the torque at the current limit
 
 
 def spare_orders(study: Study, base: Mapping[Place, Packed]) -> tuple[list[Key], dict[str, Any]]:
-    """The keys of the spare orders, and of each scenario the orders that the study has: keys and TOML."""
+    """The keys of the spare orders, and by scenario the study's own orders, with values as TOML."""
     if not base:
         return [], {}
     return _spare_keys(study, base), _cogging_rows(study, [(place[0], place[1]) for place in base])
 
 
 def _spare_keys(study: Study, base: Mapping[Place, Packed]) -> list[Key]:
-    """The order and the torque of each spare order, for all runs; the controllers are not told of these."""
+    """The order and the torque of each spare order, for all runs; the controllers don't know these."""
     factor = units.factor(TORQUE_UNIT, units.TORQUE)
     reach = TORQUE_SHARE * study.K_t * study.drive.current_loop.current_limit / factor
     reach = float(f"{reach:.2g}")

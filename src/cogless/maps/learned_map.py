@@ -20,11 +20,11 @@ from cogless.study.motion import Real as Real
 from cogless.study.motor import StarMotor
 from cogless.units import TURN
 
-WAVE_POINTS = 8  # per wave of the highest order
+WAVE_POINTS = 8  # cells for each wave of the highest order
 
 
 def motor_identity(motor: StarMotor) -> int:
-    """Identity of a motor, 32 bits: a CRC-32 over all its parameters (control/SPEC.md)."""
+    """Identity of a motor, 32 bits: a CRC-32 over all of the motor's parameters (control/SPEC.md)."""
     data = struct.pack("<II4d", motor.pole_pairs, motor.phases, motor.R_s, motor.L_d, motor.L_q, motor.psi_f)
     for flux in motor.flux_harmonics:
         data += struct.pack("<I4d", flux.order, flux.d, flux.q, flux.d_phase, flux.q_phase)
@@ -51,10 +51,10 @@ def study_identity(study: AnyStudy) -> int:
 def memory_of(
     study: AnyStudy, scenario: str, controller: str, stored: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """What a law has learned, in the form of `Run.memory`; empty if nothing.
+    """What a law has learned, in the form of `Run.memory`; empty if the law has learned nothing.
 
-    For a law of trials it is the learned signal, else currents over their angle. A map over a whole
-    mechanical revolution gets the mechanical angle, even if the law uses the electrical angle.
+    A law of trials has learned a signal, other laws currents over an angle. A map over a whole mechanical
+    revolution gets the mechanical angle, even if the law uses the electrical angle.
     """
     if stored is None:
         return {}
@@ -80,7 +80,7 @@ def memory_of(
 def _over_angle(a: Real, b: Real, orders: Real) -> dict[str, Any]:
     """Current over a mechanical revolution from the amplitudes of its orders, in the form of `Run.memory`.
 
-    a: amplitudes of the cosines, b: of the sines.
+    `a`, `b`: amplitudes of the cosines and of the sines, A.
     """
     cells = WAVE_POINTS * round(float(np.max(orders)))
     angle = TURN / cells * np.arange(cells)
@@ -89,10 +89,9 @@ def _over_angle(a: Real, b: Real, orders: Real) -> dict[str, Any]:
 
 
 def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:
-    """The map that a run has learned, as firmware stores it: clipped to its limits, with the motor's
-    identity.
+    """The map that a run has learned, as firmware stores it: within the limits, with the motor's identity.
 
-    None if nothing is learned, or it isn't tied to an angle. `motion`: identity of a trial's reference.
+    None if there is no map to store. `motion`: identity of a trial's reference.
     """
     if stored is None:
         return None
@@ -111,21 +110,18 @@ def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -
     )
 
 
-AS_CURRENT = {
-    (CURRENT_CODE,),
-    (COSINE_CODE, SINE_CODE, ORDER_CODE),
-}  # units of maps that are a current over the angle
+# units of the channels of maps that are a current over the angle
+AS_CURRENT = {(CURRENT_CODE,), (COSINE_CODE, SINE_CODE, ORDER_CODE)}
 
 
 def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
-    """The entries of the law's memory, (channels, cells), that mean what the stored map means.
+    """The entries of the law's memory, (channels, cells), with the same meaning as the stored map.
 
-    Another number of cells is made from the map's orders up to what both resolve. `law`: the law's own map as
-    the engine describes it: its values, units, limits, turns, parts and ratio. `unit`: the law's entry for a
-    current of 1 A.
+    If the law has another number of cells, the entries keep the orders that both numbers of cells resolve.
+    `law`: the law's own map as the engine describes it: values, units, limits, turns, parts and ratio.
+    `unit`: the law's entry for a current of 1 A.
 
-    MapError: the map says nothing about this law, or asks for more than its limit; its text says what was
-    expected.
+    MapError: the map does not suit this law, or exceeds the law's limit; the text says what was expected.
     """
     units, own = tuple(law["units"]), Fraction(law["turns"], law["parts"])
     if not stored.turns:
@@ -167,7 +163,7 @@ def of_current(current: Real, law: Mapping[str, Any], unit: float) -> Real:
 
 
 def resampled(values: NDArray[Any], cells: int) -> Real:
-    """A period's values at as many other places; what both can resolve of their orders stays as it is."""
+    """A period's values resampled to `cells` values; orders that both numbers resolve stay as they are."""
     if len(values) == cells:
         return np.asarray(values, np.float64)
     orders = np.fft.rfft(values)[: (min(len(values), cells) + 1) // 2]
@@ -175,7 +171,7 @@ def resampled(values: NDArray[Any], cells: int) -> Real:
 
 
 def entries_within(entries_now: Real, law: Mapping[str, Any]) -> Real:
-    """The entries, if each is a number within the law's limit; what is above by rounding is cut."""
+    """The entries, clipped where rounding exceeds the law's limit. MapError: the excess is larger."""
     for channel, limit in zip(entries_now, law["limits"], strict=True):
         largest = float(np.max(np.abs(channel)))
         if not largest <= limit * (1 + 1e-6):
@@ -185,7 +181,7 @@ def entries_within(entries_now: Real, law: Mapping[str, Any]) -> Real:
 
 
 def _current(stored: StoredMap) -> Real:
-    """The map's current over its period, A; from orders, at as many angles as resolve them."""
+    """The map's current over the period, A. From orders, each wave of the highest order gets four entries."""
     values = stored.values.astype(np.float64)
     if ORDER_CODE not in stored.units:
         return np.asarray(values[0])

@@ -23,9 +23,9 @@ from cogless.files import no_device, reason, replacing
 from cogless.units import TURN
 
 MAGIC_BYTES, FORMAT_VERSION, HEADER_BYTES, END_MARK = b"CGLM", 1, 64, b"DONE"
-FLOAT32_CODE = 1  # the only number type
+FLOAT32_CODE = 1  # code of float32, the only number type
 OWN_LAW_CODE = 128  # the first code of a user's own laws
-LONGEST_WRITE = 256  # bytes
+LONGEST_WRITE = 256  # bytes, the largest write size
 
 LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # index: code of the law
 # Index: code of a channel's unit. Entry: what the channel is, its unit, and its column's name.
@@ -55,10 +55,11 @@ class MapError(StudyError):
 class StoredMap:
     """What a law has learned, with the identity of its motor.
 
-    Entry [c, n] of `values` is entry n of channel c. It belongs to the mechanical angle 2 pi n turns / (parts
-    cells), rad; or, if turns = parts = 0, to sample n of a trial; or to the order in entry n of the channel
-    of orders. A rad in a unit is a rad of `ratio` times the mechanical angle. `units`: a code for each
-    channel, an index of CHANNEL_UNITS. `limits`: entries of each channel are within +-limit.
+    Entry [c, n] of `values` is entry n of channel c, at the mechanical angle 2 pi n turns / (parts cells),
+    rad. If turns = parts = 0, the entry is for sample n of a trial. If there is a channel of orders, the
+    entry is for the order in entry n of this channel. A rad in a unit is a rad of `ratio` times the
+    mechanical angle. `units`: a code for each channel, an index of CHANNEL_UNITS. `limits`: entries of each
+    channel are within +-limit.
     """
 
     values: Entries
@@ -70,9 +71,9 @@ class StoredMap:
     parts: int = 1
     ratio: int = 1
     motor: int = 0  # identity, 32 bits
-    motion: int = 0  # of a trial: identity of its reference
-    sequence: int = 1  # number of the save: a newer map has a higher one
-    write_size: int = 8  # bytes: the mark at the end begins at a multiple of it
+    motion: int = 0  # identity of a trial's reference
+    sequence: int = 1  # number of the save: a newer map has a higher number
+    write_size: int = 8  # bytes: the mark at the end begins at a multiple of this size
 
     def __post_init__(self) -> None:
         values = np.atleast_2d(np.asarray(self.values, dtype=np.float32))
@@ -111,7 +112,7 @@ class StoredMap:
         return CHANNEL_UNITS[code] if code < len(CHANNEL_UNITS) else (f"unit {code}", "", f"unit_{code}")
 
     def __bytes__(self) -> bytes:
-        """The map's bytes in flash, from the start of its slot to the end of the mark behind the entries."""
+        """The map's bytes in flash, from the start of the slot to the end of the mark after the entries."""
         limits = [*np.asarray(self.limits, dtype=np.float32), 0.0, 0.0][:3]
         entries = self.values.astype("<f4").tobytes()
         entries += b"\xff" * (-(HEADER_BYTES + len(entries)) % self.write_size)
@@ -227,9 +228,9 @@ def _find(data: bytes) -> Iterator[FlashPlace]:
 
 
 def newest(places: list[FlashPlace]) -> Valid | None:
-    """The valid map that was saved last, by its number, which wraps around at 2^32; None if there is none.
+    """The valid map with the last number of the save, which wraps around at 2^32; None if there is none.
 
-    It is the one that firmware loads, if it fits the law.
+    Firmware loads this map, if it fits the law.
     """
     valid = [Valid(place.offset, place.map) for place in places if isinstance(place.map, StoredMap)]
     best = valid[0] if valid else None

@@ -1,6 +1,6 @@
 """Compare the emulated processor with the simulation bit for bit, and count instructions and memory.
 
-Show a comparison as lines of text.
+Write the result as lines of text.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ REPORT_TICKS = 1000  # ticks between two reports of progress
 
 @dataclass(frozen=True)
 class Difference:
-    """The first value that differs: its tick, from 0, its struct member or memory entry, and both values."""
+    """The first value that differs. `tick`: from 0. `field`: member of the struct, or entry of the memory."""
 
     tick: int
     field: str
@@ -46,12 +46,13 @@ class Instructions:
 class Comparison:
     """Result for one controller: first difference from the simulation, instructions, memory.
 
-    Instructions per tick are counted over all ticks, over those in which the law runs, and over the others.
-    By source file they are means, and the most in a period in which the law runs; a function that the
-    compiler inlined counts for its caller's file.
+    `all`, `with_law`, `without_law`: instructions per tick, over all ticks, over ticks in which the law runs,
+    and over the other ticks. `by_source_...`: the means, by source file. `most_by_source_with_law`: the most
+    in a tick in which the law runs. A function that the compiler inlined counts for its caller's file.
 
-    Sizes are in bytes. `flash`: code and constants; `constants`: the part of it that is the controller's
-    configuration. `ram`: the controller's struct; `memory`: the part of it that the law learns into.
+    Sizes are in bytes. `flash`: code and constants; `constants`: the part of the flash that holds the
+    controller's configuration. `ram`: the controller's struct; `memory`: the part of the struct that the law
+    learns into.
     """
 
     study: str
@@ -63,7 +64,7 @@ class Comparison:
     all: Instructions
     with_law: Instructions
     without_law: Instructions | None
-    end_of_trial: int | None  # instructions, at most
+    end_of_trial: int | None  # most instructions at the end of a trial; None without trials
     by_source_with_law: dict[str, float]
     by_source_without_law: dict[str, float]
     most_by_source_with_law: dict[str, int]
@@ -86,8 +87,8 @@ def compare(
 ) -> Comparison:
     """Run the simulation, then the processor in closed loop with the same plant, and compare them.
 
-    A law without a drive and feedback gets the simulation's references, without the plant.
-    `ticks`: default 100,000, and at most those of the scenario. StudyError: one of the two fails.
+    A law without a drive has no feedback, so it runs without the plant, on the simulation's references.
+    `ticks`: default 100,000; at most those of the scenario. StudyError: simulation or processor fails.
     """
     prepared = prepare(study, scenario, controller)
     ticks = min(ticks or TICKS_DEFAULT, prepared.ticks)
@@ -136,7 +137,7 @@ class _Watched:
         return self._watched(self._measurement, self._target.actuate(i_q_ref))
 
     def _watched(self, measurement: bytes, out: bytes) -> bytes:
-        """The output, after it and the measurement were compared with the simulation's."""
+        """Compare output and measurement with those of the simulation, and return the output."""
         tick, recording = self._tick, self._wanted
         self._tick += 1
         if out != recording.outputs[tick] or measurement != recording.measurements[tick]:
@@ -163,7 +164,10 @@ class _Watched:
 
 
 def _memory_difference(target: Target, recording: Recording, ticks: int) -> Difference | None:
-    """The first difference between the memories of the law at the end; None if they are equal."""
+    """The first difference between the law's memory on the processor and in the simulation, at the end.
+
+    None if both are equal.
+    """
     got = target.memory
     if got.tobytes() == recording.memory.tobytes():
         return None
@@ -216,7 +220,7 @@ def _instructions(counts: Any) -> Instructions:
     return Instructions(int(counts.min()), float(counts.mean()), int(counts.max()))
 
 
-NAME_COLUMNS = 18  # before the values in `lines`
+NAME_COLUMNS = 18  # width of the name before each value in `comparison_lines`
 
 
 def comparison_lines(comparison: Comparison) -> list[str]:

@@ -1,6 +1,6 @@
-"""An emulated Cortex-M4F (PyPI's unicorn) that calls a function of an image and counts instructions.
+"""An emulated Cortex-M4F (PyPI's unicorn) that calls functions of a program image and counts instructions.
 
-A linked program image: its bytes, its symbols, and the flash that it takes.
+A linked program image: its bytes, its symbols, and its size in flash.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ class Symbol:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of an image. `file`: source of a static function, without suffix; None for other
-    functions."""
+    """A function of an image. `file`: source file of a static function, without suffix; otherwise None."""
 
     address: int
     name: str
@@ -51,7 +50,7 @@ class Image:
 
 
 def read(path: Path) -> Image:
-    """Read an ELF file."""
+    """Read a program image from an ELF file."""
     from elftools.elf.elffile import ELFFile
 
     with path.open("rb") as stream:
@@ -91,7 +90,7 @@ def require() -> None:
 class Processor:
     """An emulated processor with an image in its flash and RAM; each call starts with an empty stack.
 
-    Its FPU is on, as the emulator begins; firmware must switch it on itself.
+    The emulator starts with the FPU switched on; on a real processor, firmware must switch it on.
     """
 
     def __init__(self, image: Image) -> None:
@@ -117,9 +116,9 @@ class Processor:
         self._uc.hook_add(unicorn.UC_HOOK_BLOCK, lambda uc, address, size, data: visit((address, size)))
 
     def call(self, function: str, *arguments: int, reals: bytes = b"") -> int:
-        """Run a function to its end and return its result; StudyError where the processor faults.
+        """Run a function to its end and return its result; StudyError if the processor faults.
 
-        `reals`: its floating-point arguments, one behind the other.
+        `arguments`: at most four, for R0 to R3. `reals`: words of the floating-point arguments, from S0 on.
         """
         registers = (
             self._arm.UC_ARM_REG_R0,
@@ -141,9 +140,9 @@ class Processor:
         return int(self._uc.reg_read(self._arm.UC_ARM_REG_R0))
 
     def take_instructions(self, tally: Visits | None = None) -> int:
-        """Number of instructions since the last call of this method; the blocks are added to `tally`.
+        """Number of instructions since the last call of this method. Adds the blocks that ran to `tally`.
 
-        Instructions that an IT block skips are counted, too, since they are fetched.
+        Instructions that an IT block skips are counted, too, since the processor fetches them.
         """
         total = sum(map(self._length, self._visits))
         if tally is not None:
@@ -152,7 +151,7 @@ class Processor:
         return total
 
     def by_function(self, tally: Visits) -> dict[Function, int]:
-        """Instructions in a tally, summed for each function that contains them."""
+        """{function: number of its instructions in a tally}."""
         totals: dict[Function, int] = {}
         for visit, times in tally.items():
             function = self._owner(visit[0])
@@ -179,7 +178,7 @@ class Processor:
         return self._owners[address]
 
     def _length(self, visit: tuple[int, int]) -> int:
-        """Number of instructions of a block; flash stays as it is, so each block is counted once."""
+        """Number of instructions of a block. Code doesn't change, so the number is computed only once."""
         if visit not in self._lengths:
             self._lengths[visit] = self._count(*visit)
         return self._lengths[visit]

@@ -36,7 +36,7 @@ ${parts}__attribute__((section(".functions"), used))
 const void *const pil_functions[] = {&pil_controller, ${functions}};
 """
 
-# C source: the same for a law without a drive.
+# C source in place of EXCHANGE for a law without a drive.
 LAW_EXCHANGE = """#include "${stem}.h"
 
 ${name}_controller pil_controller;
@@ -45,7 +45,7 @@ __attribute__((section(".functions"), used))
 const void *const pil_functions[] = {&pil_controller, ${functions}};
 """
 
-# C source: the parts of the exported step, for a drive whose law has what has reached it over a bus.
+# C source: the parts of the exported step before the law, the law, and after the law, for a drive with a bus.
 PARTS = """
 bool pil_measure(${name}_controller *controller, const cgl_measurement *now, const cgl_reference *reference)
 {
@@ -84,9 +84,9 @@ COMPILER_PART = "compiler's library"
 class Target:
     """The exported controller on the emulated processor, as an object that `Drive.advance` takes.
 
-    `counts`, `ends`: instructions of each step, and of each end of a trial. `most_with_law`: the most of each
-    source file in a period in which the law runs. The law runs in the first tick of a trial, and a trial is a
-    whole number of its periods long.
+    `counts`: instructions of each step. `ends`: instructions of each end of a trial. `most_with_law`: most
+    instructions of each source file in a tick in which the law runs. The law runs in the first tick of a
+    trial, and a trial is a whole number of the law's periods long.
     """
 
     def __init__(self, subject: Subject, image: Image, memory: Reals) -> None:
@@ -121,7 +121,7 @@ class Target:
         return self._output()
 
     def _output(self) -> bytes:
-        """The output of the step that has just been made, whose instructions are counted."""
+        """Count the instructions of the step that has just run, and return its output."""
         due = len(self.counts) % self._subject.divider == 0
         visits: Visits = Counter()
         self.counts.append(self._processor.take_instructions(visits))
@@ -162,7 +162,7 @@ class Target:
         self.ends.append(self._processor.take_instructions())
 
     def by_source(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Mean instructions per tick by source file, for ticks in which the law runs, and for the others."""
+        """{source file: mean instructions per tick}, over ticks with the law, and over ticks without it."""
         due = -(-len(self.counts) // self._subject.divider)
         return self._by_source(self._with_law, due), self._by_source(
             self._without_law, len(self.counts) - due
@@ -208,8 +208,7 @@ class Target:
 
     @property
     def _memory(self) -> int:
-        """Address of the law's memory. It ends where the controller's struct ends, since it is the last
-        member."""
+        """Address of the law's memory, which is the last member of the controller's struct."""
         symbol = self._image.symbols["pil_controller"]
         return symbol.address + symbol.size - self._subject.memory_length * self._dtype.itemsize
 
@@ -232,7 +231,7 @@ class CoilTarget(Target):
 
 
 def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
-    """Compile the files of an export, unchanged, for the Cortex-M4F; StudyError if that fails."""
+    """Compile the unchanged files of an export for the Cortex-M4F; StudyError if the compiler fails."""
     subject = subject_of(prepared)
     with ExitStack() as stack:
         assets = stack.enter_context(as_file(files("cogless.pil").joinpath("assets")))

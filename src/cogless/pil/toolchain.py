@@ -24,7 +24,7 @@ COMMON = (
     "-fno-asynchronous-unwind-tables",
 )
 FOR_GCC = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
-# with plain cortex_m4, floating point would silently be computed in software
+# Without +vfp4d16sp, zig would silently compute floating point in software.
 FOR_ZIG = ("-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp", "-fno-sanitize=all")
 LINK_FLAGS = ("-Wl,--gc-sections", "-Wl,--entry=pil_functions")
 
@@ -58,8 +58,10 @@ class Toolchain:
 
 
 def find(name: str | None = None) -> Toolchain:
-    """The installed compiler, gcc first, or the one of this `name`, "gcc" or "zig"; StudyError if there is
-    none."""
+    """The compiler `name`, "gcc" or "zig"; without a name, gcc if installed, else zig.
+
+    StudyError: no such compiler is installed.
+    """
     if name in (None, "gcc") and shutil.which(GCC):
         version = _command_output(GCC, "-dumpfullversion")
         return Toolchain((GCC,), f"gcc {version}", (*FOR_GCC, *COMMON), ("-nostdlib", "-lgcc"))

@@ -69,7 +69,7 @@ class Axis(Table):
 
     @property
     def path_share(self) -> float:
-        """Way of the carriage over that of the belt: in CoreXY one motor alone moves along a diagonal."""
+        """Way of the carriage / way of the belt. In CoreXY, one motor alone moves along a diagonal."""
         return DIAGONAL if self.kinematics == "corexy" else 1.0
 
     @property
@@ -103,7 +103,7 @@ class PrinterFile(Table):
 
 
 def read_axis(path: Path) -> Axis:
-    """The axis of a file. StudyError: names file, key, value and what was expected."""
+    """Read the axis of a file. StudyError names the file, the key, the value and what was expected."""
     tables = read(path)
     try:
         return PrinterFile.model_validate(tables).printer

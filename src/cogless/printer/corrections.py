@@ -1,4 +1,4 @@
-"""A correction of both directions: coefficients with their errors, what they tell of friction, the file."""
+"""A correction of both directions: coefficients with their errors, the friction that follows, the file."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from cogless.printer.axis import Axis
 from cogless.printer.records import CORRECTED_ORDERS, DIRECTIONS, ComplexNumbers, Direction, Numbers
 
 CORRECTION_FILE = "correction.json"
-FRICTION_ORDER = 4
+FRICTION_ORDER = 4  # order whose phases show friction
 RESONANCE_RATIO = 3.1  # |H| 15 % off a resonance without damping, on the side where it is smaller
-GROUPS_LEAST = 4
-ERROR_CHANCE = 0.05  # that the truth lies outside an error
+GROUPS_LEAST = 4  # groups that an error needs
+ERROR_CHANCE = 0.05  # chance that the truth lies outside an error's circle
 
 
 def spread(values: ComplexNumbers) -> float:
-    """Radius that holds the truth in 95 %, from a complex estimate's values with a group left out in turn.
+    """Radius that holds the truth in 95 %. `values`: a complex estimate, with each group left out in turn.
 
-    Hotelling's T^2 of two parts: its quantile is that of F with 2 and k - 2 degrees, in closed form.
+    It is Hotelling's T^2 in two dimensions, by the quantile of F with 2 and k - 2 degrees, in closed form.
     """
     count = len(values)
     if count < GROUPS_LEAST:
@@ -61,7 +61,7 @@ class Answer:
 @dataclass(frozen=True, eq=False)
 class OrderRipple:
     """Amplitudes of the carriage's way by an order, m, at these rising speeds, m/s, without a correction and
-    with it. `doubt`: noise and what the model misses would show so much with it where nothing is left.
+    with it. `doubt`: what noise and the model's error would show with a perfect correction.
     """
 
     speeds: Numbers
@@ -72,8 +72,9 @@ class OrderRipple:
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """What a direction's runs tell: the correction by order, the carriage's answer, remarks, and the ripple
-    of each order over the speed, if they tell it, with a note on how.
+    """What a direction's runs give: the correction by order, the carriage's answer, and remarks.
+
+    `ripple`: by order, over the speed; empty if the runs do not show it. `ripple_note`: how it was found.
     """
 
     coefficients: Mapping[int, Coefficient]
@@ -85,7 +86,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Friction:
-    """The electrical angle by which friction holds the rotor back, rad, its error; torque, N m, if known."""
+    """Electrical angle by which friction holds the rotor back, and its error, rad; torque: N m, if known."""
 
     angle: float
     error: float
@@ -94,10 +95,10 @@ class Friction:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What takes the ripple out of a motor: coefficients by direction and order. It belongs to a current.
+    """What takes the ripple out of a motor: coefficients by direction and order, valid at one current.
 
     `current`: A rms. `wavelength`: the carriage's way in an electrical turn, m. `torque`: at a quarter period
-    from rest, N m; None: the axis's file does not tell.
+    from rest, N m; None: the axis's file lacks it.
     """
 
     motor: str
@@ -111,7 +112,7 @@ class Correction:
 
     @classmethod
     def from_lines(cls, axis: Axis, lines: Mapping[Direction, Lines]) -> Correction:
-        """Of an axis, from what its runs tell in each direction."""
+        """The correction of an axis, from the lines of each direction."""
         remarks = [remark for entry in lines.values() for remark in entry.remarks]
         frequency, ratio = max(
             (entry.answer.resonance() for entry in lines.values()), key=lambda peak: peak[1]
@@ -137,9 +138,10 @@ class Correction:
         return {n: entry.value for n, entry in self.directions[direction].items()}
 
     def friction(self) -> Friction | None:
-        """From order 4's phases, which detent turns by 4 delta, ahead one way and behind the other.
+        """The friction, from the phases of order 4, which the detent causes.
 
-        None: it has no order 4 that stands out of its error.
+        An angle delta of friction turns these phases by 4 delta, in opposite senses for the two directions.
+        None: order 4 does not stand out of its error.
         """
         forward, backward = (self.directions[name].get(FRICTION_ORDER) for name in DIRECTIONS)
         if forward is None or backward is None:
@@ -174,7 +176,7 @@ class Correction:
 
 
 def read_correction(path: Path) -> Correction:
-    """The correction of a file that identify wrote, or of its folder. StudyError: it is no such one."""
+    """Read a correction that identify wrote: its file, or the folder. StudyError: it is no such file."""
     if path.is_dir():
         path = path / CORRECTION_FILE
     try:

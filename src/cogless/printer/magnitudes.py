@@ -28,20 +28,20 @@ from cogless.printer.records import (
     shifted_orders,
 )
 
-CLOCK_SHARE = 0.012  # by which an accelerometer's rate may miss
-CLOCK_STEPS = 121
-RUNS_LEAST = 4
+CLOCK_SHARE = 0.012  # share by which an accelerometer's rate may be off
+CLOCK_STEPS = 121  # rates that are tried
+RUNS_LEAST = 4  # runs at each speed
 SAMPLED_SHARE = 0.42  # of the sampling rate: an order above it is not heard
-RESONANCE_APART = 0.15  # share of a resonance's frequency by which an order has to be off it
+RESONANCE_APART = 0.15  # distance of an order from a resonance / its frequency, at least
 LOUD_ERROR = 0.03  # share of an amplitude that the model misses
-CONFIDENCE_RADIUS = math.sqrt(-2 * math.log(0.05))  # of 95 % in a plane, in standard deviations of a part
-RUN_ROUNDS = 3  # after which a correction's share in each order has settled
-SWING_MOST = 2 * PROBE_SIZE  # rad, that a motor with the probe is off where the carriage follows it
-HEARD_ERROR = 0.5  # of psi and the probe: an order with a larger error is not heard
-GRID_SPEED = 1e-3  # m/s
+CONFIDENCE_RADIUS = math.sqrt(-2 * math.log(0.05))  # 95 % in a plane, in standard deviations of a coordinate
+RUN_ROUNDS = 3  # rounds, after which each correction's share in each order has settled
+SWING_MOST = 2 * PROBE_SIZE  # rad, swing of a motor with the probe, if the carriage follows it
+HEARD_ERROR = 0.5  # error / size of psi and probe: an order with more is not heard
+GRID_SPEED = 1e-3  # m/s, between speeds that are tried
 SPEEDS_SOUGHT = (0.03, 0.12)  # m/s
-MODES_MISS = 0.1  # share of the carriage's answer by which two modes may miss it
-CURVE_SPAN = 8.0  # The ripple is shown down to the highest speed over this.
+MODES_MISS = 0.1  # share by which a model with two modes may miss the carriage's answer
+CURVE_SPAN = 8.0  # highest / lowest speed at which the ripple is shown
 CURVE_SPEEDS = 40
 RUNS_NOTE = (
     "Amplitude of the carriage's displacement that each order of the electrical revolution causes. It is "
@@ -67,7 +67,7 @@ def heard_orders(speed: float, rate: float, wavelength: float) -> tuple[int, ...
 
 
 def line_sizes(record: SpeedRun, wavelength: float) -> tuple[dict[int, float], dict[int, float]]:
-    """|A|^2 by order, and the variances of these, at the rate at which the lines are largest."""
+    """|A|^2 by order, and variances of |A|^2, with the sampling rate that makes the lines largest."""
     run = record.run
     orders = heard_orders(record.speed, run.rate, wavelength)
     turns = record.speed / wavelength * (run.times - run.times[0])
@@ -87,7 +87,7 @@ def line_sizes(record: SpeedRun, wavelength: float) -> tuple[dict[int, float], d
 
 
 def quiet_speed(axis: Axis, resonances: Sequence[float], near: float) -> float | None:
-    """The speed nearest to this one at which each order is off the resonances, m/s; None: none is."""
+    """The speed nearest to `near`, m/s, at which each order is off the resonances; None: there is none."""
     speeds = np.arange(*SPEEDS_SOUGHT, GRID_SPEED)
     frequencies = np.outer(CORRECTED_ORDERS, speeds) / axis.wavelength
     apart = np.min(
@@ -98,7 +98,7 @@ def quiet_speed(axis: Axis, resonances: Sequence[float], near: float) -> float |
 
 
 def check_speed(axis: Axis, speed: float, resonances: Sequence[float], where: str) -> None:
-    """StudyError: an order lies on a resonance at this speed, and the carriage's answer is not linear."""
+    """StudyError: an order lies on a resonance at this speed, so the carriage's answer is not linear."""
     for n in CORRECTED_ORDERS:
         frequency = n * speed / axis.wavelength
         near = next((f for f in resonances if abs(frequency / f - 1) <= RESONANCE_APART), None)
@@ -116,7 +116,7 @@ def check_speed(axis: Axis, speed: float, resonances: Sequence[float], where: st
 def _solve(
     corrections: Sequence[complex], squares: Numbers, variances: Numbers
 ) -> tuple[complex, Numbers, float] | None:
-    """psi, the covariance of its parts, and g = |G|^2; None: the runs can't tell them."""
+    """psi, the covariance of its real and imaginary part, and g = |G|^2; None: the runs do not give them."""
     phi = np.array(corrections)
     columns = np.column_stack([np.abs(phi) ** 2, 2 * phi.real, 2 * phi.imag, np.ones(len(phi))])
     scaled = columns / PROBE_SIZE ** np.array([2, 1, 1, 0])
@@ -136,7 +136,8 @@ def _solve(
 def inverse_answer(answer: Answer) -> tuple[float, float] | None:
     """a and b of 1 / H = 1 - a f^2 + b f^4, Hz^-2 and Hz^-4: a rotor on its field, a belt and a carriage.
 
-    |H| tells no sign: H is negative between its two resonances, wherever these are. None: no two fit.
+    Only |H| is known. H is negative between its two resonances, so the fit tries all places of the two.
+    None: no fit is close.
     """
     scale = float(np.max(answer.frequencies)) ** 2
     squares, ratios = answer.frequencies**2 / scale, answer.ratios
@@ -154,7 +155,7 @@ def inverse_answer(answer: Answer) -> tuple[float, float] | None:
 def order_ripple(
     coefficients: Mapping[int, Coefficient], answer: Answer, wavelength: float
 ) -> dict[int, OrderRipple]:
-    """The carriage's ripple by order up to the runs' highest frequency; a correction leaves its error."""
+    """The carriage's ripple by order, up to the runs' highest frequency. A correction leaves its error."""
     fit = inverse_answer(answer)
     if fit is None:
         return {}
@@ -171,9 +172,9 @@ def order_ripple(
 
 
 def identify_magnitudes(axis: Axis, records: Sequence[SpeedRun], where: str) -> Lines:
-    """The lines of a direction. `where`: what a StudyError names.
+    """The lines of a direction. `where`: begins the text of a StudyError.
 
-    StudyError: too few runs of a speed, an order on a resonance, or an order that no run lets hear.
+    StudyError: too few runs at a speed, an order on a resonance, or an order that is heard in no run.
     """
     speeds = sorted({record.speed for record in records})
     sizes = {id(record): line_sizes(record, axis.wavelength) for record in records}
@@ -231,7 +232,7 @@ def _whole(correction: Orders) -> dict[int, complex]:
 
 
 def _mean(values: Sequence[tuple[complex, float]]) -> tuple[complex, float]:
-    """Weighted mean of estimates and its error, which their scatter may enlarge."""
+    """Weighted mean of pairs of estimate and error; the mean's error, larger if they scatter more."""
     weights = [1 / error**2 for _, error in values]
     mean = sum(w * value for w, (value, _) in zip(weights, values, strict=True)) / sum(weights)
     misfit = sum(w * abs(value - mean) ** 2 for w, (value, _) in zip(weights, values, strict=True))

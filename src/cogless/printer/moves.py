@@ -21,7 +21,7 @@ class Move:
 
     @property
     def top_speed(self) -> float:
-        """The speed that it reaches."""
+        """The highest speed of the move, m/s."""
         return min(self.speed, math.sqrt(self.length * self.acceleration))
 
     @property
@@ -51,5 +51,5 @@ class Move:
 
 
 def ramp(axis: Axis) -> Move:
-    """The move that passes all speeds up to the axis's ramp speed and back within its way."""
+    """The move along the axis's whole travel that rises to the ramp speed at the middle, and falls again."""
     return Move(axis.travel, axis.ramp_speed, axis.ramp_speed**2 / axis.travel)

@@ -1,8 +1,8 @@
 """Corrections from ramps of speed: one with the driver as it is, one with a probe added to its correction.
 
-In a block of a ramp, the carriage answers the command's error by a coefficient G of its own. So order n has
-A0 = G psi without the probe and A1 = G (psi + p) with it: the pairs of all blocks lie on one complex line,
-whatever belt and sensor do. Its slope is found by total least squares, and gives psi = p A0 / (A1 - A0).
+A ramp is cut into blocks. In each block, the carriage answers the command's error by another coefficient G.
+So order n has A0 = G psi without the probe and A1 = G (psi + p) with it. The pairs of all blocks lie on one
+complex line, whatever belt and sensor do. Total least squares give its slope, and psi = p A0 / (A1 - A0).
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from cogless.printer.records import (
 from cogless.study.motor import teeth_of
 from cogless.study.toml import toml
 
-BLOCK_SPEED = 8e-3  # m/s that a block's speed changes by
-BLOCK_TURNS = 2.0  # electrical turns that a block has at least
-BLOCK_SAMPLES = 24  # that a block has at least
+BLOCK_SPEED = 8e-3  # m/s, change of the speed in a block, at least
+BLOCK_TURNS = 2.0  # electrical turns in a block, at least
+BLOCK_SAMPLES = 24  # samples in a block, at least
 SPEED_LEAST = 0.012  # m/s, below which a carriage hardly shakes
 NYQUIST_SHARE = 0.84  # of half the sampling rate: above it a line is folded or filtered
-LOUD_SHARE = 0.1  # of a coefficient: what the model misses where it is loud
-SPREAD_MOST = 0.4  # of a block's speed, by which it may change in the block, where a way is told
+LOUD_SHARE = 0.1  # share of a coefficient that the model misses
+SPREAD_MOST = 0.4  # change / mean of the speed in a block: with more, its way is not shown
 START_GRID = 8e-3  # s, of the search for the move in the log
-LAG_MOST = 16e-3  # s, by which that may miss from log to log
-LAG_COARSE = 1e-4  # s
-LAG_FINE = 2e-5  # s
-MOVE_SHARE_LEAST = 0.25  # of a log's energy beside noise that the orders have, or it is another move
-DURATION_MISS = 0.05  # share of its time by which a move may miss it
-DURATION_SIGMAS = 4.0  # standard deviations of what noise adds to that
-SPEED_SMOOTHING = 0.1  # s: the orders' speeds are no move's
-HEARD_SIGMAS = 5.0  # standard deviations of noise's energy, by which a move stands out of it
-REST_SAMPLES = 250  # before or after a move, that tell the noise
+LAG_MOST = 16e-3  # s, error of a start from log to log, at most
+LAG_COARSE = 1e-4  # s, step of the search for this error
+LAG_FINE = 2e-5  # s, last step
+MOVE_SHARE_LEAST = 0.25  # orders' energy / all energy without noise; with less, it is another move
+DURATION_MISS = 0.05  # share by which a move's time may be off
+DURATION_SIGMAS = 4.0  # standard deviations of noise in this time that are allowed as well
+SPEED_SMOOTHING = 0.1  # s, over which a speed is smoothed, to take the orders out
+HEARD_SIGMAS = 5.0  # standard deviations of noise's energy; a move has to exceed them
+REST_SAMPLES = 250  # samples before or after a move, at least, if noise is taken from them
 RING_TIME = 0.2  # s, for which a carriage rings after a move
-# How much faster or slower a move is looked for, and the grid of its start, s. Far away a coarse one will do.
+# Factor by which a move is looked for faster and slower -> grid of its start, s; coarse for large factors.
 PACES = {
     **dict.fromkeys((1.02, 1.04, 1.07, 1.1), START_GRID),
     **dict.fromkeys((1.15, 1.21, 1.28, 1.36, 1.45, 1.55, 1.66, 1.78, 1.9, 2.02), 2 * START_GRID),
@@ -63,27 +63,28 @@ RAMPS_NOTE = (
     "what is below the dotted line. A ramp passes a resonance quickly, so the peak is too low: at a constant "
     "speed there, the ripple is a few times larger."
 )
-MODE_WIDTH = 3.0  # Hz
-MODE_LEAST = 15.0  # Hz
-MODE_HEIGHT = 6.0  # over the median of the rest's power
-MODE_APART = 0.3  # share of a mode's frequency
+MODE_WIDTH = 3.0  # Hz, over which the spectrum is smoothed
+MODE_LEAST = 15.0  # Hz, lowest mode
+MODE_HEIGHT = 6.0  # power of a mode / median power of what the orders leave, at least
+MODE_APART = 0.3  # share of a mode's frequency within which no other mode is sought
 MODES_MOST = 2
-GROUPS_MOST = 5  # The errors come from so many groups of blocks.
-CHANGE_LEAST = 1.5  # of noise alone, by which the probe changes the loudest order
+GROUPS_MOST = 5  # groups of blocks, from which errors are computed
+CHANGE_LEAST = 1.5  # Pair.change of some order, if the probe acts
 HUBER_LIMIT = 2.0  # standard deviations
-TOOTH_WINDOW = 6  # teeth that a window has
-TOOTH_SAMPLES = 60  # that a window has at least
+TOOTH_WINDOW = 6  # belt teeth in a window
+TOOTH_SAMPLES = 60  # samples in a window, at least
 TOOTH_SPEED_LEAST = 0.05  # m/s
 WEIGHT_ROUNDS = 8
-PROBE_ROUNDS = 3  # after which the probe's share in each order has settled
+PROBE_ROUNDS = 3  # rounds, after which the probe's share in each order has settled
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
     """Coefficients of a ramp's blocks: rows of blocks, columns of FITTED_ORDERS. Speeds are in m/s.
 
-    `variance`: of a coefficient's parts. `energy`: the sum of squares that the orders explain, m^2/s^4, and
-    `rest`: what is left. White noise of variance 1 would give them `energy_freedom` and `rest_freedom`.
+    `variance`: of a coefficient's real or imaginary part. `energy`: the sum of squares that the orders
+    explain, m^2/s^4. `rest`: the sum that is left. For white noise of variance 1, `energy_freedom` and
+    `rest_freedom` are their means.
     """
 
     speeds: Numbers
@@ -95,7 +96,7 @@ class Blocks:
     rest_freedom: int
 
     def share(self, noise: float) -> float:
-        """What the orders have of the energy beside noise of this variance; 0: no more than noise."""
+        """The orders' share of the energy, without noise of this variance; 0: they are lost in noise."""
         own = self.energy - self.energy_freedom * noise
         if own <= chance(self.energy_freedom, noise):
             return 0.0
@@ -103,13 +104,13 @@ class Blocks:
 
 
 def chance(freedom: int, noise: float) -> float:
-    """What noise of this variance may add to so many squares, beyond its mean."""
+    """The energy that noise of this variance may have in `freedom` squares, beyond its mean."""
     return HEARD_SIGMAS * math.sqrt(2 * freedom) * noise
 
 
 @lru_cache(maxsize=len(PACES))
 def block_edges(move: Move, wavelength: float) -> tuple[tuple[float, float], ...]:
-    """Times since the start of the move between which a block lies, s; up first, then down."""
+    """Begin and end of each block, s since the start of the move: first of the rise, then of the fall."""
     edges: list[tuple[float, float]] = []
     t = SPEED_LEAST / move.acceleration
     while t < move.ramp_time:
@@ -125,7 +126,7 @@ def block_edges(move: Move, wavelength: float) -> tuple[tuple[float, float], ...
 
 
 def blocks(run: Run, start: float, move: Move, wavelength: float, modes: tuple[float, ...] = ()) -> Blocks:
-    """Fit the orders in each block, where the move begins at this time of the log."""
+    """Fit the orders in each block of a move that begins at `start` in the log. `modes`: of ringing, Hz."""
     speeds, rows, variances = [], [], []
     explained = rest = 0.0
     energy_freedom = rest_freedom = 0
@@ -163,8 +164,9 @@ def blocks(run: Run, start: float, move: Move, wavelength: float, modes: tuple[f
 
 
 def matched_energy(run: Run, start: float, move: Move, wavelength: float, noise: float = 0.0) -> float:
-    """About what `blocks` gives as `energy`, from each order's correlation alone: orders of whole turns are
-    orthogonal. It takes a tenth of the time. What white noise of this variance adds is taken off.
+    """About the `energy` of `blocks`, in a tenth of the time, less what white noise of this variance adds.
+
+    Each order is correlated alone, since orders are orthogonal over whole turns.
     """
     edges = [start + t for t in (0.0, *(t for edge in block_edges(move, wavelength) for t in edge))]
     first, *bounds = np.searchsorted(run.times, edges)
@@ -205,8 +207,8 @@ def check_pace(run: Run, start: float, move: Move, wavelength: float) -> str:
     A ramp of another speed, a way of another length, a pulley of other teeth and a clock that is off all
     change how fast the orders sweep. Their energy is then larger for a move of another pace.
 
-    StudyError: it is larger by more than noise may add: the log, which seemed to begin at `start`, has a
-    faster or slower move.
+    StudyError: the energy at another pace is larger, by more than noise may add. `start`: where the move
+    of the log seemed to begin.
     """
     noise = noise_at_rest(run, start, move)
     freedom = 2 * len(FITTED_ORDERS) * len(block_edges(move, wavelength))
@@ -228,9 +230,9 @@ def check_pace(run: Run, start: float, move: Move, wavelength: float) -> str:
 
 
 def half_time(times: Numbers, acceleration: Numbers) -> float:
-    """From when to when a speed is above half its largest, s; the speed is integrated from rest to rest.
+    """How long a speed is above half of its largest, s. It is the acceleration's integral from rest to rest.
 
-    It does not depend on the sensor's scale, which may be off by a tenth, as a way would.
+    This time does not depend on the sensor's scale, which may be off by a tenth. A way would depend on it.
     """
     steps = np.diff(times)
     middles = 0.5 * (acceleration[1:] + acceleration[:-1])
@@ -243,9 +245,9 @@ def half_time(times: Numbers, acceleration: Numbers) -> float:
 
 
 def check_duration(run: Run, start: float, move: Move) -> None:
-    """StudyError: the move takes another time than this, by more than noise may add to an integral.
+    """StudyError: the log's move takes another time than `move`, by more than noise may add to an integral.
 
-    Here a way that is too short shows even where its orders sweep nearly as they should.
+    The time shows that a way is too short even where the orders sweep nearly as they should.
     """
     t = run.times - start
     moving = (t > 0) & (t < move.duration)
@@ -262,14 +264,14 @@ def check_duration(run: Run, start: float, move: Move) -> None:
 
 
 def find_start(run: Run, move: Move, wavelength: float) -> float:
-    """The time of the log at which the move begins: where the orders take most of its energy.
+    """The time of the log at which the move begins: where the orders explain most of its energy.
 
-    That is the least squares of the whole log, since what lies outside the move is not explained. The share
-    of the blocks alone would be larger at a wrong start whose blocks leave the loud part of the log out.
+    This is least squares over the whole log, since nothing outside the move is explained. The orders' share
+    in the blocks alone would be larger at a wrong start whose blocks miss the loud part of the log.
 
-    Noise that the log has before and after the move, such as a fan's, says nothing of the move.
+    Noise before and after the move, such as a fan's, is taken off before the orders' share is judged.
 
-    StudyError: the log is shorter than the move, or has not the move's orders.
+    StudyError: the log is shorter than the move, or lacks the move's orders.
     """
     first = float(run.times[0])
     if run.times[-1] - first < move.duration:
@@ -301,14 +303,14 @@ def find_start(run: Run, move: Move, wavelength: float) -> float:
 def noise_at_rest(run: Run, start: float, move: Move) -> float:
     """Variance of the acceleration before or after the move, whichever is quieter, m^2/s^4.
 
-    0: the log has too little of both.
+    0: the log has too few samples before and after.
     """
     sides = (run.times < start - START_GRID, run.times > start + move.duration + RING_TIME)
     return min((float(np.var(run.acceleration[s])) for s in sides if np.sum(s) >= REST_SAMPLES), default=0.0)
 
 
 def displacement(run: Run) -> float:
-    """The way between two rests, m, by integrating twice; what the sensor reads at rest is the mean."""
+    """The way from rest to rest, m: the acceleration less its mean, the sensor's offset, integrated twice."""
     steps = np.diff(run.times)
     middles = 0.5 * (run.acceleration[1:] + run.acceleration[:-1])
     middles = middles - float(middles @ steps) / float(np.sum(steps))
@@ -317,7 +319,7 @@ def displacement(run: Run) -> float:
 
 
 def ringing_modes(run: Run, start: float, move: Move, wavelength: float) -> tuple[float, ...]:
-    """Frequencies at which the carriage rings on beside the orders, Hz; at most two."""
+    """Frequencies, Hz, at which the carriage rings when the orders are taken off; at most two."""
     rest = np.zeros(len(run.times))
     for begin, end in block_edges(move, wavelength):
         first, last = np.searchsorted(run.times, [start + begin, start + end])
@@ -343,10 +345,10 @@ def ringing_modes(run: Run, start: float, move: Move, wavelength: float) -> tupl
 
 
 def tooth_way(run: Run, start: float, move: Move, axis: Axis) -> tuple[float, float]:
-    """The carriage's way at a belt tooth's spacing, and three standard deviations of it, m.
+    """Amplitude of the carriage's way at the spacing of belt teeth, and three standard deviations, m.
 
-    Its spacing is no order of the motor, so that both are told apart in a window of some teeth. The windows'
-    medians are returned.
+    This spacing is no order of the motor, so a fit over a window of some teeth separates it from the orders.
+    Both results are medians over the windows.
     """
     spacing = axis.belt_pitch * axis.path_share
     ways, doubts = [], []
@@ -374,7 +376,7 @@ def tooth_way(run: Run, start: float, move: Move, axis: Axis) -> tuple[float, fl
 
 
 def other_causes(axis: Axis, run: Run, start: float, modes: tuple[float, ...]) -> list[str]:
-    """What the carriage does beside the motor's orders, a sentence each."""
+    """Sentences on the carriage's ringing and on belt teeth, which are not the motor's orders."""
     remarks = []
     if modes:
         names = " and ".join(f"{f:.0f}" for f in modes)
@@ -390,11 +392,11 @@ def other_causes(axis: Axis, run: Run, start: float, modes: tuple[float, ...]) -
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The same blocks without and with the probe, and the wavelength. Coefficients are those of one order."""
+    """The coefficients of one order in the same blocks, without and with the probe."""
 
     plain: ComplexNumbers
     probed: ComplexNumbers
-    variance: Numbers  # of the real or the imaginary part of either one
+    variance: Numbers  # variance of the real or the imaginary part of either coefficient
     speeds: Numbers  # m/s
 
     @property
@@ -404,7 +406,7 @@ class Pair:
 
     @property
     def change(self) -> float:
-        """The square of what the probe changes in a block, on average, over what noise alone does."""
+        """Mean square of the probe's change of a block / that of noise and of the model's error."""
         squares = self.weights * np.abs(self.plain - self.probed) ** 2
         return float(np.sum(squares)) / (2 * max(len(squares), 1))
 
@@ -431,7 +433,7 @@ def check_wavelength(
     1/2 does and order 4 does not. So order 8 is compared with order 1, and order 1/2 with the mean of orders
     4 and 1. `twice`: the blocks of orders of twice the wavelength.
 
-    StudyError: order 8, or 1/2, changes more than that, beyond what noise may add.
+    StudyError: order 8, or 1/2, changes more than what it is compared with, beyond what noise may add.
     """
     remark = ""
     for factor, runs, orders, other_order in ((0.5, own, (1,), 8), (2.0, twice, (8, 2), 1)):
@@ -447,7 +449,7 @@ def check_wavelength(
 
 
 def wrong_wavelength(name: str, axis: Axis, factor: float) -> StudyError:
-    """An electrical turn is longer by this factor, 2 or 1/2, than the axis says."""
+    """The error: an electrical turn is 2 or 1/2 (`factor`) times as long as the axis says."""
     step = math.degrees(axis.step_angle)
     cures: list[dict[str, int | str]] = []
     teeth = axis.pulley_teeth * factor
@@ -475,7 +477,7 @@ def _direction(pair: Pair, weights: Numbers) -> tuple[complex, complex]:
 
 
 def _misfit(pair: Pair, weights: Numbers) -> Numbers:
-    """Squares of what the blocks are off the line, in their standard deviations."""
+    """Squared distance of each block from the line, in units of its variance."""
     v0, v1 = _direction(pair, weights)
     return np.asarray(pair.weights * np.abs(pair.plain * v1 - pair.probed * v0) ** 2)
 
@@ -490,8 +492,9 @@ def _robust_weights(pair: Pair) -> Numbers:
 
 
 def psi_of(pair: Pair, probe: complex) -> tuple[complex, float]:
-    """psi of an order and its error, by leaving groups of blocks out in turn, each at
-    speeds of its own: what the model misses varies with the speed, and not from run to run.
+    """psi of an order, and its error, by leaving out one group of blocks after the other.
+
+    Each group has a range of speeds, since the model's error varies with the speed, and not from run to run.
     """
     weights = _robust_weights(pair)
 
@@ -507,7 +510,7 @@ def psi_of(pair: Pair, probe: complex) -> tuple[complex, float]:
 
 
 def order_ripple(pair: Pair, lever: complex, n: int, move: Move, wavelength: float) -> OrderRipple:
-    """The carriage's ripple by an order, before and after a correction. `lever`: this over the probe.
+    """The carriage's ripple by an order, before and after a correction. `lever`: correction / probe.
 
     A block with the correction would have A0 + lever (A1 - A0). Slow blocks are left out: the speed changes
     so much within their few waves that an acceleration belongs to no single way.
@@ -562,7 +565,7 @@ def refined_start(
 def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
     """The lines of a direction, from pairs of ramps without and with the probe.
 
-    StudyError: a log without the move.
+    StudyError: a log lacks the move, or the probe has no effect.
     """
     move, wavelength = ramp(axis), axis.wavelength
     own: list[tuple[Blocks, Blocks]] = []

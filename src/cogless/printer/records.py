@@ -25,9 +25,9 @@ FITTED_ORDERS = (1, 2, 3, 4, 5, 6, 8)
 CORRECTED_ORDERS = (1, 2, 4)
 PROBE_SIZE = 0.02  # rad
 PROBE_PHASES = {1: 0.5, 2: 2.5, 4: -1.5}  # rad
-SATURATED_LEAST = 18.0  # m/s^2: 2 g less a tenth, the smallest range of an accelerometer
-CONDITION_LEAST = 1e-9  # of the squares of singular values
-ANGLE_POINTS = 256  # An electrical turn has so many.
+SATURATED_LEAST = 18.0  # m/s^2; the smallest range of an accelerometer is 2 g; a tenth less
+CONDITION_LEAST = 1e-9  # smallest square of a singular value / the largest
+ANGLE_POINTS = 256  # points in an electrical turn
 SATURATED_RUN = 3  # samples in a row at the largest value
 
 
@@ -43,7 +43,7 @@ class Run:
 
     @property
     def sign(self) -> int:
-        """The electrical angle's: 1 where it grows."""
+        """Sign of the electrical angle's speed: 1 forward, -1 backward."""
         return 1 if self.direction == "forward" else -1
 
     @property
@@ -74,10 +74,10 @@ def shifted_orders(psi: Orders, correction: Orders) -> dict[int, complex]:
 
 
 def coupling(psi: Orders, correction: Orders) -> dict[int, float]:
-    """How much of each order comes of products of two others, rad, as far as the rotor's swing is not u's.
+    """By order, rad: the largest error that products of two orders may cause.
 
-    The error of order m is at the rotor's angle, which swings by order k: m psi[m] swing[k] / 2 at m +- k.
-    At a resonance the swing is not the commanded one, so the whole product is an error of the model.
+    psi of order m is at the rotor's angle, which swings by order k. This gives m psi[m] swing[k] / 2 at the
+    orders m +- k. At a resonance the swing is not the commanded one, so the whole product counts as an error.
     """
     swing = {k: abs(psi[k]) + abs(correction.get(k, 0j)) for k in psi}
     sums = {n: 0.0 for n in psi}
@@ -89,7 +89,7 @@ def coupling(psi: Orders, correction: Orders) -> dict[int, float]:
 
 
 def check_saturation(name: str, acceleration: Numbers) -> None:
-    """StudyError: an accelerometer's value stays at its end."""
+    """StudyError: an accelerometer's value stays at the end of its range."""
     for end in (float(np.max(acceleration)), float(np.min(acceleration))):
         if abs(end) < SATURATED_LEAST:
             continue
@@ -103,7 +103,7 @@ def check_saturation(name: str, acceleration: Numbers) -> None:
 
 @dataclass(frozen=True, eq=False)
 class LinesFit:
-    """Coefficients A by order, m/s^2, the variances of their parts, and each sample's rest."""
+    """Coefficients A by order, m/s^2, variances of their real or imaginary parts, and what the fit leaves."""
 
     values: ComplexNumbers
     variances: Numbers
@@ -111,8 +111,8 @@ class LinesFit:
 
 
 def lines_fit(acceleration: Numbers, turns: Numbers, orders: tuple[int, ...], ringing: Numbers) -> LinesFit:
-    """Fit sum Im(A exp(j n u)) by least squares. `turns`: u over a turn. A straight line is fitted
-    beside the orders, and what `ringing` has in columns.
+    """Fit sum Im(A exp(j n u)) by least squares. `turns`: u in turns. A straight line
+    and the columns of `ringing` are fitted together with the orders.
     """
     u = math.tau * turns
     count = len(u)

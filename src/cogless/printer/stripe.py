@@ -1,4 +1,4 @@
-"""What makes a stripe on a print: its spacing and the speed in, causes out."""
+"""What makes a stripe on a print: causes, from the spacing of the stripes and the speed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cogless.printer.axis import DIAGONAL
 from cogless.study.motor import teeth_of
 
-STRIPE_TOLERANCE = 0.06  # share by which a spacing is misread with a rule over some stripes
+STRIPE_TOLERANCE = 0.06  # share by which a spacing may be misread with a rule laid over some stripes
 MOTOR_ORDERS = (1, 2, 4, 8)
 TOOTH_HARMONICS = (1, 2)
 RINGING_RANGE = (15.0, 400.0)  # Hz, of axes and frames
@@ -42,8 +42,8 @@ def stripe_causes(
 ) -> list[Cause]:
     """Causes of a stripe of this spacing at this speed, m and m/s; the nearest first.
 
-    `step_angle`: rad. `diagonal`: along the way of a single CoreXY motor. Each stays at its spacing when the
-    speed changes, except ringing, which stays at its frequency.
+    `step_angle`: rad. `diagonal`: along the way of a single CoreXY motor. Each cause keeps its spacing when
+    the speed changes, except ringing, which keeps its frequency.
     """
     share = DIAGONAL if diagonal else 1.0
     turn = pulley_teeth * belt_pitch * share

@@ -76,7 +76,7 @@ def judged_line(results: AnyResults, scenario: str) -> Line | None:
 
 
 def limit(results: AnyResults, scenario: str) -> Remark | None:
-    """What limits a scenario's best run; None if no runs looked for it, or no cause stands out."""
+    """What limits a scenario's best run; None if no further runs were made, or no cause stands out."""
     if scenario not in results.limits:
         return None
     return remark(results.study, results.limits[scenario])
@@ -99,11 +99,11 @@ def with_limits(
     traces: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> AnyResults:
-    """The results, with what limits the best run of each scenario added; none in a study of trials.
+    """The results with what limits the best run of each scenario; in a study of trials nothing is added.
 
-    Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
-    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
-    Ctrl-C ends the search early.
+    A scenario takes about a dozen further runs, or none if it has faults. `long`: run them also where a run
+    is long or executes a user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called
+    with each scenario. Ctrl-C ends the search early.
     """
     search = _sections(results).with_limits
     return results if search is None else search(results, long, jobs, traces, progress)
@@ -112,11 +112,11 @@ def with_limits(
 def with_learning_off(
     results: AnyResults, traces: Path | None = None, progress: Callable[[str], None] | None = None
 ) -> AnyResults:
-    """The results, with what the best law of each scenario leaves with its learning off, if it learns.
+    """The results with what each scenario's best law leaves with its learning off, if the law learns.
 
-    Each scenario takes one further run. A user's code is not executed again. In a study of trials every run
-    has its feedback beside it already. `traces`: as in `cogless.run.simulate.run_study`. `progress`: called
-    with each scenario. Ctrl-C ends it early.
+    A scenario takes one further run, or none if it has faults. A user's code is not executed again. In a
+    study of trials every run already has a trace of its feedback alone. `traces`: as in
+    `cogless.run.simulate.run_study`. `progress`: called with each scenario. Ctrl-C ends these runs early.
     """
     further = _sections(results).with_learning_off
     return results if further is None else further(results, traces, progress)

@@ -1,12 +1,10 @@
-"""Charts of laws that learn in angle: periods, learning factor, sensitivity, growth.
+"""Charts of laws that learn in angle, and sentences on learning that becomes unstable.
 
-Plots over the angle for laws that learn in angle: errors and learned current, period by period.
+The charts show errors and learned current over the angle, period by period; the learning factor over
+frequency, marked where a run's current grew; and, as a Bode plot, the sensitivity of the speed to a torque
+that repeats, with learning on and off.
 
-The learning factor over frequency for laws that learn in angle, marked where a run's current grew.
-
-The sensitivity of the speed to a torque that repeats, with learning on and off, as a Bode plot.
-
-Whether learning becomes unstable in a run: which frequency grows, since when the baseline is better.
+The sentences say which frequency grows in a run, and since when the baseline is better.
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ from cogless.results.trace import Array
 from cogless.study import Study
 from cogless.units import TURN
 
-PERIOD_CELLS = 360
+PERIOD_CELLS = 360  # steps of angle in a period
 PERIODS_SHOWN = 5  # periods that a chart shows
 
 PERIODS_NOTE = (
@@ -95,8 +93,8 @@ def _on_angle_grid(turns: Array, x: Array, period: int) -> Array:
     return np.asarray(np.interp(period + np.linspace(0, 1, PERIOD_CELLS + 1), turns[rows], x[rows]))
 
 
-SENSITIVITY_POINTS = 400
-DECADES = (0.1, 0.45)  # of the slowest revolution, and of the sample rate
+SENSITIVITY_POINTS = 400  # frequencies of a curve
+DECADES = (0.1, 0.45)  # lowest frequency / turns per second at the top speed; highest / sample rate
 DRAWN_MAGNITUDE_LEAST = 1e-4  # smaller magnitudes are drawn as this
 
 SENSITIVITY_NOTE = (
@@ -153,9 +151,9 @@ def _feedback(results: Results, run: Run, omega_m: float) -> Linear | None:
 
 
 def _remaining_share(loop: LearningLoop, f: Real, offset: float) -> Complex:
-    """What learning leaves at the learned frequencies, or so far `offset` each, as a smooth curve over f.
+    """The share of a disturbance that learning leaves, smooth over f; NaN where nothing is learned.
 
-    `offset` is a share of the distance to the next. NaN where nothing is learned.
+    The curve goes through the share at each learned frequency, or `offset` of the way to the next one.
     """
     count = int(loop.highest / loop.periods_per_second)
     learned = np.arange(1, count + 1) if loop.orders is None else loop.orders
@@ -241,7 +239,7 @@ def _spectrum(x: Array) -> Array:
 
 
 def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
-    """Controllers that learn in angle and are worse than the baseline to the end: since when, s."""
+    """The time, s, since when each controller that learns in angle is worse than the baseline to the end."""
     runs = [run for run in runs if len(run.trace) > 1]
     base = next((run for run in runs if run.controller == results.study.baseline), None)
     if base is None:
@@ -295,7 +293,7 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
 
 
 def _expected(study: Study, name: str) -> str | None:
-    """What cogless design says of a law that doesn't settle; "" if it settles, None if that isn't known."""
+    """What cogless design says of a law's growth; "" if it foresees none, None if it can't say."""
     try:
         forecast = verdict(study, name)
     except StudyError:
@@ -313,7 +311,7 @@ def _foreseen_words(grows: str | None) -> str:
     return f", as cogless design says ({grows})" if grows else ", which cogless design does not foresee"
 
 
-CRITERION_POINTS = 600
+CRITERION_POINTS = 600  # frequencies of a curve
 
 CRITERION_NOTE = (
     "By which factor what is learned changes from period to period, at each frequency, by cogless design: "

@@ -1,8 +1,8 @@
 """The answer that a speed scenario opens with: a revolution before and after, and the ripple over time.
 
-Before is the baseline, after is the best other controller. Both are drawn by the signal of the metric that
-judges the scenario, at the end of that metric's window. The angle is the rotor's, so that what cogging does
-stands at the same place in both.
+Before is the baseline, after is the best other controller. The chart shows the signal of the metric that
+judges the scenario, at the end of the metric's window. The x axis is the rotor's angle, so that cogging acts
+at the same place in both curves.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.units import factor
 
 TURN_DEGREES = 360.0
-PULSE_TURN_CELLS = 2160  # a revolution has 15 for each of 144 pulses
-TIME_POINTS = 4000  # a curve over time has at most
-RIPPLE_POINTS = 400  # the ripple over time has at most
-EVENT_SPAN = (-0.1, 1.5)  # s about the event of a metric
-LAST_SPAN = 1.0  # s, where no revolution is turned
-STRONG_SHARE = 0.3  # an order with this share of the strongest amplitude is seen, too
-HOLD_RISE_LEAST = 1.25  # of the ripple while the guard takes learning away, if learning helps
-TURN_PIECES = 8  # the ripple over time moves on by at most such a part of a revolution
+PULSE_TURN_CELLS = 2160  # points over a revolution: 15 for each of 144 pulses
+TIME_POINTS = 4000  # largest number of points of a curve over time
+RIPPLE_POINTS = 400  # largest number of points of the ripple over time
+EVENT_SPAN = (-0.1, 1.5)  # s, begin and end of the drawn span, after a metric's event
+LAST_SPAN = 1.0  # s, the drawn span if the rotor turns less than a revolution
+STRONG_SHARE = 0.3  # amplitude / the strongest order's, from which on an order is visible
+HOLD_RISE_LEAST = 1.25  # ripple at a hold's end / before it, above which learning helps
+TURN_PIECES = 8  # steps of the moving RMS per revolution; fewer if RIPPLE_POINTS demands it
 
 
 def answer(results: Results, runs: Sequence[Run]) -> Answer | None:
@@ -53,7 +53,7 @@ def answer(results: Results, runs: Sequence[Run]) -> Answer | None:
 def pictures(results: Results, runs: Sequence[Run]) -> list[OverGrid]:
     """The answer's charts: a revolution of the runs before and after, and the ripple of all runs over time.
 
-    The first is over the time instead where the rotor turns less, and for a metric of an event.
+    The first chart is over time instead if the rotor turns less, or if the metric belongs to an event.
     """
     pair = contrast(results, runs)
     if pair is None:
@@ -79,7 +79,7 @@ class DrawnSignal:
 
 
 def drawn_signal(results: Results, pair: Contrast) -> DrawnSignal:
-    """The signal of the metric that judges, in the metric's unit if that is the signal's."""
+    """The signal of the metric that judges, in the metric's unit if it suits the signal, else the study's."""
     study, metric, name = results.study, pair.metric, pair.line.signal or "omega_error"
     dimension = SIGNAL_DIMENSIONS[name]
     if metric.dimension == dimension and metric.signal is not None:
@@ -155,7 +155,7 @@ def _last_turn(trace: Trace, line: Line) -> slice | None:
 def _over_angle(trace: Trace, drawn: DrawnSignal, rows: slice) -> Array:
     """The signal over the rotor's angle, 0 to 360 degrees, from rows of a revolution."""
     theta, x = trace.part("theta_m", rows), drawn.part(trace, rows)
-    order = np.argsort(theta, kind="stable")  # a rotor that turns the other way, or shakes
+    order = np.argsort(theta, kind="stable")  # the angle falls if the rotor turns backwards, or shakes
     grid = np.linspace(0.0, math.tau, PULSE_TURN_CELLS + 1)
     start = theta.min()
     at = start + np.mod(grid[:-1] - start, math.tau)
@@ -174,7 +174,7 @@ def _strong_order(curve: Array) -> int:
 
 
 def _span(metric: Metric, line: Line, runs: Sequence[Run]) -> tuple[float, float]:
-    """The times, s, that are drawn of a metric of an event, or of a rotor that does not turn."""
+    """Begin and end, s, of the drawn span for a metric of an event, or for a rotor that does not turn."""
     start, end = float(runs[0].trace.time[0]), float(runs[0].trace.time[-1])
     if metric.event is not None:
         return max(start, metric.event + EVENT_SPAN[0]), min(end, metric.event + EVENT_SPAN[1])
@@ -183,7 +183,7 @@ def _span(metric: Metric, line: Line, runs: Sequence[Run]) -> tuple[float, float
 
 
 def _ripple(results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnSignal) -> list[OverGrid]:
-    """The signal's RMS over the last revolution, or a moment of the run, for each time and run."""
+    """The chart of each run's moving RMS: over a revolution, or 1/20 of a run that turns too little."""
     runs = [run for run in runs if len(run.trace) > RIPPLE_POINTS and drawn.signal in run.trace]
     if not runs:
         return []
@@ -204,7 +204,7 @@ def _ripple(results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnS
     start, compared = float(trace.time[0]) + count * step, {run.controller for run in pair.runs}
 
     def rows_of(since: float, until: float) -> slice:
-        """The curve from the hold's beginning to its end."""
+        """The rows of the curve from one time to another, s."""
         first, last = (max(0, math.floor((time - start) / step)) for time in (since, until))
         return slice(first, last + 1)
 
@@ -232,10 +232,10 @@ def _ripple(results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnS
 
 
 def _hold_label(results: Results, run: Run, ripple: Array) -> str:
-    """What the guard does to a law while it holds it back; `ripple`: of that time, the first value before it.
+    """The label of a time span in which the guard holds a law back: a test, or a hold.
 
-    Where the ripple rises without learning, the guard tests what the feedback alone leaves, and finds that
-    learning helps.
+    `ripple`: the ripple's curve, from the last value before the span to its end. If the ripple rises, the
+    guard tests what the feedback alone leaves, and finds that learning helps.
     """
     name = called(results.study, run.controller)
     is_test = len(ripple) > 1 and ripple[-1] > HOLD_RISE_LEAST * ripple[0]

@@ -16,7 +16,7 @@ from cogless.run.limit_search import beside_learner, limits
 from cogless.run.simulate import learning_off
 from cogless.study import AnyStudy
 
-TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
+TICKS_MOST = 5_000_000  # ticks of the longest run that is repeated a dozen times without being asked for
 
 
 def with_limits(
@@ -80,7 +80,7 @@ def _learning_off(results: Results, best: Judged, traces: Path | None) -> Learni
         if off is None:
             return None
         value = value_in(replace(results, runs=[off]), off, metric, line)
-    except StudyError:  # a feedback that diverges alone is one
+    except StudyError:  # raised if the feedback alone diverges
         pass
     return LearningOff(
         scenario=run.scenario,

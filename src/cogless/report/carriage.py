@@ -12,7 +12,7 @@ from cogless.printer.records import Direction
 from cogless.report import svg
 from cogless.report.markup import legend, note, number, sentences, still_page, text_table
 
-RIPPLE_LEAST = 1e-8  # m; less is on no print
+RIPPLE_LEAST = 1e-8  # m, amplitude; a smaller ripple shows on no print
 SPEED_TICKS = (0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)  # m/s
 # a curve, its colour, and whether it is dotted
 RIPPLE_CURVES = {

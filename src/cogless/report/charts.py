@@ -1,6 +1,6 @@
 """Charts as data: makers return them, `to_page` turns them into the page's JSON, pictures.py draws them.
 
-A field at its default is left out of the JSON; the others have their own name there, or that of their `key`.
+In the JSON a field has its own name, or the one in its metadata `key`. A field at its default is left out.
 Arrays become numbers, or packed 16-bit integers where they may be long.
 """
 
@@ -39,9 +39,9 @@ def to_page(value: Any, of_array: Any = plain) -> Any:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Series:
-    """The values of a controller, by its place on the page; of a reference without one.
+    """The values of a controller or a reference.
 
-    `fade`: the share of the controller's colour.
+    `controller`: the controller's place on the page; None for a reference. `fade`: the share of its colour.
     """
 
     controller: int | None = None
@@ -53,7 +53,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Bars(Series):
-    """Bars; `early`: where the controller began."""
+    """Bars; `early`: the values with which the controller began."""
 
     early: Array | None = None
 
@@ -66,7 +66,7 @@ class Band(Series):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Curve(Series):
-    """A series of many values. `text`: its figure; `details`: its values on the finer grids of its group."""
+    """A series of many values. `text`: its value as text; `details`: values on the group's finer grids."""
 
     values: Array = field(metadata=PACKED)
     text: str | None = None
@@ -92,7 +92,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Zoom:
-    """A button that shows a part of the plots; the first to be shown is marked."""
+    """A button that shows a part of the plots. `first`: whether this part is shown at first."""
 
     name: str
     begin: float = field(metadata={"key": "from"})
@@ -108,7 +108,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chart:
-    """Lines, or bars, of a quantity in its unit over x; without an x it is in a group that has one."""
+    """Lines, or bars, of a quantity in its unit over x. A chart without `x` is in a group with a common x."""
 
     title: str
     x: str | None = None
@@ -123,9 +123,9 @@ class Chart:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OverGrid(Chart):
-    """Curves at a constant step. `x_unit`: that of a place on the grid.
+    """Curves at a constant step. `x_unit`: the unit of `start` and `step`.
 
-    `cycles`: how often they go up and down; `holds`: when learning was held back.
+    `cycles`: how often a curve goes up and down; `holds`: when learning was held back.
     """
 
     start: float
@@ -176,7 +176,7 @@ class OverVariants(Chart):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OverTrials(Chart):
-    """A value of each trial, as a decimal logarithm; `note`: which have none."""
+    """A value of each trial, as a decimal logarithm; `note`: which trials have none."""
 
     note: str
     floor: float | None = None
@@ -214,7 +214,7 @@ class Polar:
 
 @dataclass(frozen=True)
 class LaneRun:
-    """A run's times, s, at which a state began and ended in turn."""
+    """A run's times, s, at which a state began, ended, began again, and so on."""
 
     controller: int
     spans: Sequence[float]
@@ -247,7 +247,7 @@ class ChosenTrials:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrialWaveforms:
-    """Panels on a grid in the time of a trial; `phases`: the chosen trials of each."""
+    """Panels on a grid in the time of a trial; `phases`: the chosen trials of each phase."""
 
     panels: Sequence[TrialPanel]
     phases: Sequence[ChosenTrials]

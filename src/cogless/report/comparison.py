@@ -3,7 +3,7 @@
 A line also has the best controllers and the ratios to the baseline. The report's table, the verdict and the
 terminal's table all use these lines.
 
-Runs that learned nothing, and why, so that their results aren't credited to learning.
+The module also finds runs that learned nothing, and why, so that their results aren't credited to learning.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def unlearned(results: Results, run: Run) -> str | None:
     """
     stop = BLOCK_ROWS
     while (why := _reason_in_rows(results, run, slice(0, stop))) and stop < len(run.trace):
-        stop *= 4  # what is enough at the beginning stays enough
+        stop *= 4  # a run that learned enough at its beginning has learned enough
     return why
 
 
@@ -73,7 +73,7 @@ RESTS, VARIES = "the reference is at rest", "the reference varies, and the rippl
 TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
 TOO_FEW_TURNS = "less than one turn"  # in place of the value of an order
 THROUGHOUT = "throughout"  # when the guard held learning back: in all of a window
-WHOLE_WINDOW_SHARE = 0.99  # time in which the guard held learning back / a window's, at least, for that
+WHOLE_WINDOW_SHARE = 0.99  # least time held back / a window's time that counts as throughout
 EVENT_KINDS = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNT_KINDS = ("trials-to-floor", "trials-at-limit")
 QUANTITIES = {
@@ -103,13 +103,13 @@ class Line:
     """One metric's value for each controller in a scenario, in `unit`; None: never happened, or not finite.
 
     `missed`: the controllers that did not hold the speed in the metric's time window, and what the speed was.
-    `jerking`: those of them that held its mean.
-    `uneven`: the controllers that held its mean with an error of more than half the speed, held or not, and
-    the ratio of the error's rms to the speed.
+    `jerking`: the controllers in `missed` that held the mean speed.
+    `uneven`: the controllers that held the mean speed with an error's rms of half the speed or more, in
+    `missed` or not, and the ratio of this rms to the speed.
     `unlearned`: the controllers whose law learned nothing in the scenario, and why.
     `guarded`: the controllers whose learning the guard held back in that window, and when.
     `span`: the metric's time window, s; None if no run has a trace.
-    `unjudged`: why no controller is better in it than another; "" if one may be.
+    `unjudged`: why the line can't show that a controller is better; "" if it can.
     `short`: the controllers that turned less than an order needs in that window.
     """
 
@@ -157,7 +157,7 @@ class Line:
         return f"{place}: {self.missed[controller]}"
 
     def uneven_words(self, controller: str) -> str:
-        """How uneven a controller's speed is beside what still counts as held; "" if it is even."""
+        """A controller's error, and the largest that still counts as held; "" if its speed is even."""
         if controller not in self.uneven:
             return ""
         return (
@@ -280,7 +280,7 @@ def in_torque_mode(study: Study, run: Run, rows: slice) -> bool:
 
 
 def too_few_turns(metric: Metric, run: Run, rows: slice) -> bool:
-    """Whether a run has no value of an order because its rotor turned less than one revolution on the way."""
+    """Whether a run has no value of an order because its rotor turned less than one revolution there."""
     if metric.kind != "order" or "theta_m" not in run.trace:
         return False
     theta = run.trace.part("theta_m", rows)
@@ -288,7 +288,7 @@ def too_few_turns(metric: Metric, run: Run, rows: slice) -> bool:
 
 
 def unjudged(metric: Metric, run: Run, rows: slice, torque: bool = False) -> str:
-    """Why a metric of the speed says nothing of a controller in these rows; "" if it may.
+    """Why a metric of the speed says nothing of a controller in these rows; "" otherwise.
 
     The spread of a speed whose reference varies is that of the reference; at rest there is no ripple.
     `torque`: whether these are rows in torque mode, where the speed is not the law's.
@@ -309,7 +309,7 @@ def unjudged(metric: Metric, run: Run, rows: slice, torque: bool = False) -> str
 def guarded(results: Results, run: Run, rows: slice) -> str:
     """When in these rows the guard held a run's learning back, such as "3.5 to 5.1 s"; "" if hardly ever.
 
-    THROUGHOUT if it did in all of them.
+    THROUGHOUT if the guard did so in at least WHOLE_WINDOW_SHARE of the time.
     """
     if not results.study.controller[run.controller].learns:
         return ""

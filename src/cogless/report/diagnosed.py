@@ -28,7 +28,7 @@ def render(diagnosis: Diagnosis) -> str:
 
 
 def _bars(diagnosis: Diagnosis) -> str:
-    """A bar for each log, its parts the shares of its causes."""
+    """A bar for each log; the parts of the bar are the shares of the log's causes."""
     causes = {log: diagnosis.causes(log) for log in diagnosis.whole}
     names = dict.fromkeys(name for shares in causes.values() for name in shares)
     colour = {name: f"--c{n % COLOUR_COUNT}" for n, name in enumerate(names)}
@@ -41,7 +41,7 @@ def _bars(diagnosis: Diagnosis) -> str:
 
 
 def _logs(diagnosis: Diagnosis) -> str:
-    """The ripple of each log with the part of it that is measurement, or the log's other use."""
+    """The ripple of each log and the part of the ripple that is measurement; or the log's other use."""
     ripples = [f"{log}: {sizes(diagnosis, log)}" for log in diagnosis.whole]
     return sentences([*ripples, *(f"{log}: {use}" for log, use in diagnosis.uses.items())])
 

@@ -23,7 +23,7 @@ from cogless.report.markup import asset, bars, legend, note, sentences, still_pa
 from cogless.report.pictures import STYLE, Plot, save
 from cogless.results.trace import Trace
 
-PICTURE_POINTS = 1000  # of a curve, at least, if the log has them
+PICTURE_POINTS = 1000  # least number of points of a curve, if the log has as many
 ERROR_COLOUR = "color-mix(in srgb, var(--c1) 35%, transparent)"
 
 
@@ -53,7 +53,7 @@ def _values(estimate: Estimate) -> str:
 
 
 def write_plot(estimate: Estimate, path: Path) -> None:
-    """Write a picture of the orders, as PNG; none where there are no orders."""
+    """Write a picture of the orders, as PNG; without orders write nothing."""
     import matplotlib
 
     palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))
@@ -77,7 +77,7 @@ def write_plot(estimate: Estimate, path: Path) -> None:
 
 
 def _shown_kinds(estimate: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
-    """What has orders: its title, waves, and the factor to a unit."""
+    """Each kind of wave that has orders: title, waves, the factor to a display unit, and this unit."""
     return [
         (title[0].upper() + title[1:], estimate.waves(name), factor, unit.replace("*", " "))
         for title, name, factor, unit in estimate.kinds
@@ -86,7 +86,7 @@ def _shown_kinds(estimate: Estimate) -> list[tuple[str, tuple[Wave, ...], float,
 
 
 def _orders(estimate: Estimate) -> str:
-    """A bar for each order; its end is faint where the error leaves it open."""
+    """A bar for each order; the part within the error of its size is faint."""
     text = ""
     for title, waves, factor, unit in _shown_kinds(estimate):
         rows = []
@@ -115,7 +115,7 @@ def _replays(identified: Identified) -> str:
 
 
 def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
-    """One log's signal over the simulated one, in a second from its middle."""
+    """A picture of a log's signal and the simulated one, over a second in the middle."""
     x, y = (
         log[measured][log.stretches[0]],
         np.asarray(trace[simulated])[:: max(1, round(log.dt / trace.period))],
@@ -136,7 +136,7 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
 
 
 def _logs(estimate: Estimate) -> str:
-    """Rows, kind and residual of each log, and how well the others predict its current."""
+    """Rows, kind and residual of each log, and how well the other logs predict its current."""
     if estimate.fit is None:
         return ""
     body = []

@@ -71,7 +71,7 @@ def setting(study: StudyBase, changes: Changes) -> str:
 
 
 def _cause_words(cause: Cause) -> str:
-    """How a run would be without the cause; two that only have an effect together are named together."""
+    """How a run would be without the cause; two causes that only act together are named together."""
     words = " and ".join(CAUSES[name] for name in cause.names)
     return WITHOUT.get(cause.name, f"without {words}" if len(cause.names) == 1 else f"without both {words}")
 

@@ -16,8 +16,8 @@ from cogless.units import TURN
 
 MAP_POINTS_MOST = 1440  # points of a map
 POLAR_CELLS = 360  # cells of a polar map
-SPREAD_PERIODS = 8  # last periods, from which a map's spread comes
-MOST_ROWS = 1_000_000  # from which these periods come: all of a long trace would take gigabytes
+SPREAD_PERIODS = 8  # last revolutions, from which a polar map's spread is computed
+MOST_ROWS = 1_000_000  # last rows that are read for the spread: all of a long trace would take gigabytes
 
 MAP_NOTE = (
     "The current that each controller has learned over one revolution, as it stands at the end of the run. "
@@ -69,7 +69,7 @@ def _period(run: Run) -> float:
 
 
 def polar(results: Results, runs: Sequence[Run]) -> list[Polar]:
-    """Charts of the learned current around one revolution with its spread over the last of them."""
+    """Charts of the learned current around one revolution, with its spread over the last revolutions."""
     series: dict[str, list[Band]] = {"electrical": [], "mechanical": []}
     for run in runs:
         frame = run.memory["frame"] if run.memory else "mechanical"
@@ -95,7 +95,7 @@ def polar(results: Results, runs: Sequence[Run]) -> list[Polar]:
 def _last_turns(turns: Array, x: Array) -> Array:
     """x on an even grid of angle, a row for each of the last whole turns from angle zero to angle zero.
 
-    No row if the turns aren't finite, or less than a whole one. Where the rotor turns back, the farthest
+    No rows if a value isn't finite, or if there is no whole turn. Where the rotor turns back, the farthest
     angle so far counts.
     """
     if not np.all(np.isfinite(turns)) or not np.all(np.isfinite(x)) or not len(turns):

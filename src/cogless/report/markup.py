@@ -1,10 +1,7 @@
 """Pieces of HTML, colours and packed numbers that the page's sections share.
 
-Pieces of HTML that the page's sections share. All of the user's text is escaped.
-
-Colours of controllers, and their places in the page's data.
-
-Numbers for the page: waveforms are thinned without losing their peaks, and packed as 16-bit integers.
+All of the user's text in the HTML is escaped. Each controller has a colour, and a place in the page's data.
+Waveforms are thinned without losing their peaks, and packed as 16-bit integers.
 """
 
 from __future__ import annotations
@@ -58,7 +55,7 @@ def frame(command: str, title: str, main: str, footer: str, **more: str) -> str:
 
 
 def still_page(command: str, title: str, sections: Sequence[tuple[str, str]]) -> str:
-    """A page without scripts from these sections, heading and HTML each; empty ones are left out."""
+    """A page without scripts. `sections`: pairs of a heading and HTML; a section without HTML is left out."""
     main = "".join(f"<section><h2>{escape(name)}</h2>{text}</section>\n" for name, text in sections if text)
     footer = f"Made by cogless {escape(versions()['cogless'])}. Errors are at 95 % confidence."
     return frame(command, title, main, footer)
@@ -75,14 +72,14 @@ def reservations(sentences: Sequence[str]) -> str:
 
 
 def sentences(remarks: Sequence[str]) -> str:
-    """Sentences as a list."""
+    """The remarks as an HTML list, a sentence each."""
     if not remarks:
         return note("Nothing is left out.")
     return '<ul class="verdicts">' + "".join(f"<li>{escape(line)}</li>" for line in remarks) + "</ul>"
 
 
 def legend(colour_of: Mapping[str, str]) -> str:
-    """What a picture's colours, names of the style's, stand for."""
+    """A picture's legend as HTML. `colour_of`: for each label the name of a colour of report.css."""
     keys = (
         f'<span class="key" style="--colour:var({colour})">{escape(name)}</span>'
         for name, colour in colour_of.items()
@@ -134,7 +131,7 @@ def text_table(kind: str, caption: str, names: Sequence[str], rows: Iterable[Seq
 
 
 def bars(caption: str, rows: Iterable[tuple[str, Iterable[tuple[str, float]], str]]) -> str:
-    """A table of bars: a heading; the colours and lengths, at most 1, of the parts of a bar; a text."""
+    """A table of bars. A row has a heading, the colour and length (1 is full) of each part, and a text."""
     lines = []
     for heading, parts, text in rows:
         bar = "".join(

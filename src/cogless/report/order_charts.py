@@ -1,10 +1,10 @@
 """Charts by order: spectra of whole runs, and amplitudes piece by piece.
 
-Order spectra for the page: speed amplitude by electrical and mechanical order, computed over the angle.
+A spectrum has the speed's amplitude by electrical or mechanical order, computed over the angle.
 
-Amplitudes of orders, one piece of a run after the other: over time, or over speed where that sweeps.
-
-A piece is a whole number of the reference's mechanical revolutions, so that all controllers share the pieces.
+The pieces of a run follow one another; their amplitudes are drawn over time, or over speed if the speed
+sweeps. A piece is a whole number of the reference's mechanical revolutions, so that all controllers share
+the pieces.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from cogless.results.trace import Array, Trace
 from cogless.study.metric import turns_held
 from cogless.units import ANGULAR_SPEED, TURN, factor
 
-SHOWN_ORDERS = 24
+SHOWN_ORDERS = 24  # mechanical orders with bars, the strongest
 SPEED_ERROR_MOST = 0.05  # share of the reference: with a smaller error the drive is up to speed
 REVERSAL_SHARE = 0.01  # share of the rotor's travel: turning back by less is ignored
 
@@ -168,7 +168,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
 
 
 def _first(trace: Trace, begin: int, holds: Callable[[slice], NDArray[np.bool_]]) -> int | None:
-    """The first row from `begin` on where something holds; None if there is none."""
+    """The first row from `begin` on where `holds` is true; None if there is none."""
     for rows in trace.blocks(slice(begin, None)):
         matches = np.flatnonzero(holds(rows))
         if len(matches):
@@ -205,11 +205,11 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
     return amplitudes
 
 
-PIECES_MOST = 48
-PIECES_LEAST = 8  # pieces
+PIECES_MOST = 48  # pieces of a run
+PIECES_LEAST = 8  # pieces of a run, for charts piece by piece
 SWEEP_RATIO = 1.5  # fastest / slowest piece, from which on the speed sweeps
-ORDERS_FOLLOWED = 4  # orders
-CHART_ORDER_MOST = 120
+ORDERS_FOLLOWED = 4  # orders with a chart, the strongest
+CHART_ORDER_MOST = 120  # highest mechanical order of a piece
 # a piece is longer by this share of a revolution, as the rotor may lag behind its reference
 PIECE_SLACK = 0.05
 

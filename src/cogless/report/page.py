@@ -1,8 +1,7 @@
 """The report page: one self-contained HTML file. Its templates, style and scripts are in assets/.
 
-The study as readable tables, with the texts and units of its file, and its assumptions with reasons.
-
-The page's sections and the pictures for one kind of scenario; the rest of the page is common to all.
+The page has the study as readable tables, with the texts and units of its file, and its assumptions with
+reasons. `Sections` makes the sections and pictures for one kind of scenario; the rest is common to all kinds.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ def assumptions(study: StudyBase) -> str:
 
 
 def _groups(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yields each table with its dotted name: one per scenario and controller; each metric is one line."""
+    """Yields each table with its dotted name: one per scenario and controller; a list has a line per item."""
     for name, table in tables.items():
         if name in SHOWN_ELSEWHERE:
             continue
@@ -114,7 +113,7 @@ def no_answer(results: Any, runs: Runs) -> Answer | None:
 
 
 def no_learning_off(results: Any, runs: Runs) -> LearningHelps | None:
-    """None: each run has its feedback beside it."""
+    """None: a run of trials already has a trace of its feedback alone."""
     return None
 
 
@@ -130,21 +129,22 @@ class Sections:
     kind: str  # "speed" or "trials", as in the names of template and script in assets/
     lines: Callable[[Any, str], list[Line]]
     verdict: Callable[[Any, Runs], ScenarioVerdict | None]
-    charts: Callable[[Any, Runs], Any]  # a scenario's charts; fields as the script knows them
+    charts: Callable[[Any, Runs], Any]  # a scenario's charts; the script uses the same field names
     parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
     pictures: Mapping[str, Picture]
     outcome: Callable[[Any, Runs], Outcome | None] = no_outcome
-    # a further run of the best law of each scenario, with its learning off; None: the runs themselves have it
+    # adds a run of each scenario's best law with its learning off; None: the runs need no such addition
     with_learning_off: Callable[..., AnyResults] | None = None
-    # further runs that find what limits the best run of each scenario; None: nothing is known of that
+    # adds what limits each scenario's best run, from further runs; None: there is no such search
     with_limits: Callable[..., AnyResults] | None = None
-    learning_off: Callable[[Any, Runs], LearningHelps | None] = no_learning_off  # the best law beside itself
+    # compares the best law with itself with learning off
+    learning_off: Callable[[Any, Runs], LearningHelps | None] = no_learning_off
     answer: Callable[[Any, Runs], Answer | None] = no_answer
-    judged_line: Callable[[Any, Runs], Line | None] = no_judged_line  # the verdict compares by it
+    judged_line: Callable[[Any, Runs], Line | None] = no_judged_line  # the line by which the verdict compares
 
 
 UNJUDGED = "Nothing to judge by: no run has a metric that is better when lower."
-NUMBER_MOST = 1e30  # far beyond any drive
+NUMBER_MOST = 1e30  # SI; a larger value, far beyond any drive, is not drawn
 
 
 def render(results: AnyResults, sections: Sections) -> str:
@@ -251,7 +251,7 @@ def _scenario(
 
 
 def _figures(results: AnyResults, answer: Answer | None) -> str:
-    """The large figures: what a controller, or a time, has; and how the last compares with the first."""
+    """The answer's large figures as HTML, and how the last compares with the first; "" without an answer."""
     if answer is None:
         return ""
     parts = []

@@ -19,7 +19,7 @@ from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, TURN, factor
 LEARNED_SIGNALS = tuple(
     dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned)
 )
-ALL_LEARNED = "learned terms"  # not a signal: "learned" is that of a trial
+ALL_LEARNED = "learned terms"  # no signal has this name; trials have a signal "learned"
 
 
 @dataclass(frozen=True)

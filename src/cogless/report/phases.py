@@ -1,6 +1,7 @@
-"""Phases, the trials between two changes: what changed, in words, and which trials to show.
+"""The phases of a trial scenario, between two changes: what changed, in words, and which trials to show.
 
-The error by which a trial study is judged: its signal, its display unit, and its RMS over each trial.
+The module also finds the error by which a trial study is judged: its signal, its display unit, and its RMS
+over each trial.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.study.trial_study import Change, TrialScenario
 from cogless.units import factor
 
-ZOOM_TRIALS = 30  # trials
-ZOOM_TRIALS_BEFORE = 2  # trials of the phase before that a zoom shows too
+ZOOM_TRIALS = 30  # trials of a phase that a zoom shows
+ZOOM_TRIALS_BEFORE = 2  # trials before the phase that a zoom shows too
 ZOOM_SHARE_MOST = 0.8  # there is no zoom on a larger share of all trials
 NAMED_MOST = 3  # changes of the same things are named one by one up to this number, and counted above it
 
@@ -74,7 +75,7 @@ class Group:
 
     @property
     def changes(self) -> str:
-        """The changes before its phases, such as "30 start changes"."""
+        """The changes before the group's phases, such as "30 start changes"."""
         return _changes(self.phases[0].changed, len(self.phases))
 
     @property
@@ -96,7 +97,7 @@ class Group:
 
 
 def groups(all_phases: Sequence[Phase]) -> list[Group]:
-    """The phases, where more than `NAMED_MOST` in a row after changes of the same things are one group."""
+    """Groups of phases: more than `NAMED_MOST` in a row after changes of the same things are one group."""
     rows = (tuple(row) for _, row in groupby(all_phases, key=lambda phase: phase.changed))
     return [
         Group(part)

@@ -1,6 +1,7 @@
 """Still pictures as PNG files, drawn from the page's charts.
 
-Of speed: waveforms, order spectra, learned maps. Of trials: RMS over trials, chosen trials, certificates.
+A speed scenario has waveforms, order spectra, learned maps, and a revolution before and after. A trial
+scenario has RMS over trials, chosen trials, certificates.
 """
 
 from __future__ import annotations
@@ -75,11 +76,11 @@ class Picture:
 
     rows: Callable[[Any, Looks], list[list[Plot]]]  # from all charts of a scenario
     height: float
-    widths: tuple[int, ...] = ()  # default: the same
+    widths: tuple[int, ...] = ()  # default: equal
 
 
 def name(scenario: str, kind: str) -> str:
-    """The file of a kind of picture."""
+    """The file name of a scenario's picture."""
     return f"{scenario}-{kind}.png"
 
 
@@ -144,13 +145,13 @@ def save(
     abreast = min(len(handles), 12 * width // (6 + max(map(len, handles), default=0)))
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
     with replacing(path) as temporary:
-        # savefig would draw it twice: once for the layout
+        # savefig would draw the figure twice: once for the layout
         metadata = {"Run": run, "Series": json.dumps(_series(axes))}
         FigureCanvasAgg(figure).print_png(temporary, metadata=metadata)  # type: ignore[no-untyped-call]
 
 
 def _series(axes: Any) -> list[list[float]]:
-    """Least and largest value of each curve or bar: two pictures that differ here show different numbers."""
+    """Least and largest value of each curve or group of bars; pictures of different numbers differ here."""
     drawn = [np.asarray(line.get_ydata(), float) for ax in axes.flat for line in ax.lines]
     drawn += [np.array([bar.get_height() for bar in group]) for ax in axes.flat for group in ax.containers]
     finite = (y[np.isfinite(y)] for y in drawn)

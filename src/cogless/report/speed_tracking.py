@@ -1,6 +1,6 @@
 """Whether a controller held the speed. One that did not is never called the best in a metric.
 
-The controllers' status over time: in which time spans each state was active.
+The module also finds in which time spans each state of a controller was active.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, factor
 
 SPANS_MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
-STATE_TIME_LEAST = 0.1  # s; without faults shorter states are not worth a lane
+STATE_TIME_LEAST = 0.1  # s; without faults a state that is active for less has no lane
 ALL_ROWS = slice(None)
-TRACKING_ROWS = 1 << 18  # rows that are looked at together: those of an hour would take gigabytes
+TRACKING_ROWS = 1 << 18  # rows that are read at a time: all rows of an hour would take gigabytes
 STATE_LANES: dict[int, str] = {
     SAFE_OUTPUT: "safe output",
     **{int(bit): name for bit, name in NOTICED.items()},
@@ -39,9 +39,9 @@ STATE_LANES: dict[int, str] = {
 
 
 def strip(results: Results, runs: Sequence[Run]) -> list[Lane]:
-    """A lane for each state that is active in some run: its name, each run's spans.
+    """A lane for each state that is active in some run: the state's name, and each run's time spans.
 
-    Without faults, states that last less than a moment in every run have none.
+    Without faults, a state that lasts less than STATE_TIME_LEAST in every run has no lane.
     """
     least = 0.0 if faults_in(results.study, runs[0].scenario) else STATE_TIME_LEAST
     lanes = []
@@ -89,8 +89,8 @@ MONITOR_EFFECTS = {
     Status.OFF: "has the output off",
     Status.ANGLE_LOST: "doesn't believe the measured speed",
 }
-MONITORED_SHARE = 0.1  # share of the rows: less is a fault that a speed outlives
-STOPPED_SHARE = 0.05  # of the mean reference: a rotor that is slower at some moment stopped
+MONITORED_SHARE = 0.1  # share of the rows; an effect of the monitor in fewer rows is not reported
+STOPPED_SHARE = 0.05  # share of the mean reference; a rotor that is ever slower has stopped
 LIMIT_NOTE = ", at the limit of current or voltage"
 
 
@@ -140,8 +140,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
 def miss_words(speed: Miss, run: Run, rows: slice, unit: str) -> str:
     """How the speed missed its reference, in words.
 
-    Where the monitor stopped the drive, or most of the second half of the rows was at a limit, this is told
-    too.
+    The words also say what the monitor did, or else that most of the second half of the rows was at a limit.
     """
     status = active(run, Status.SATURATED, rows)
     limited = np.mean(status[len(status) // 2 :]) > MAJORITY_SHARE
@@ -149,7 +148,7 @@ def miss_words(speed: Miss, run: Run, rows: slice, unit: str) -> str:
 
 
 def seen_to_stop(results: AnyResults, run: Run, remark: Remark) -> str:
-    """A warning that the rotor stops, with whether it stopped in the last part of a run of that scenario."""
+    """A warning that the rotor stops, corrected by whether it did stop in the last part of the run."""
     assert isinstance(results, Results)
     rows = late(results, run)
     premise, claims, claim = remark.text.partition(f": {ROTOR} ")

@@ -1,6 +1,7 @@
 """The verdict on a speed scenario, by the remaining ripple or error of the speed.
 
-The share of a true error that comes from the position sensor's own error, which no law can see.
+The module also computes the share of a true error that comes from the position sensor's own error, which no
+law can see.
 
 A law follows its sensor's signal. The true error E is the measured error M, which the law sees, plus the
 sensor's own error S: E = M + S. The share 1 - M^2 / E^2 of E's square is attributed to S. It is nearly one if
@@ -64,7 +65,7 @@ MEASURED_SIGNALS = {
     "theta_m": "theta_measured",
     "theta_error": "theta_error_measured",
 }
-# For each kind of metric, the kind from which its share is computed: one whose squares add up.
+# For each kind of metric, the kind from which the sensor's share is computed: its squares add up.
 SQUARES = {
     "rms": "rms",
     "maximum": "rms",
@@ -140,8 +141,8 @@ class _Case(Contest):
     where: str
     lines: Sequence[Line]
     line: Line
-    worsened: Mapping[str, float]  # controllers whose error stays above the baseline's: since when, s
-    off: LearningOff | None = None  # what the best one leaves with its learning off
+    worsened: Mapping[str, float]  # s, since when a controller's error stays above the baseline's
+    off: LearningOff | None = None  # what the best law leaves with its learning off
 
     @property
     def unlearned(self) -> list[str]:
@@ -204,9 +205,9 @@ class Judged:
 
 
 def judged(results: Results, scenario: str) -> Judged | None:
-    """The best run of a scenario; None if no run is.
+    """The best run of a scenario; None if there is none.
 
-    Where none holds its speed, it is the best that holds its mean.
+    If no run holds its speed, the best of the runs that hold the mean speed is taken.
     """
     runs = runs_in(results, scenario)
     case = _seen_case(results, runs)
@@ -218,7 +219,7 @@ def judged(results: Results, scenario: str) -> Judged | None:
 
 
 def learner(results: Results, best: Judged) -> Run | None:
-    """The best run of a law that learns, where another law has the scenario's best run; None if none has."""
+    """The best run of a law that learns; None if no law learns, or if the scenario's best law does."""
     study, values = results.study, best.line.values
     learning = [run for run in runs_in(results, best.run.scenario) if study.controller[run.controller].learns]
     if not learning or study.controller[best.run.controller].learns:
@@ -245,8 +246,8 @@ def value_in(results: Results, run: Run, metric: Metric, line: Line) -> float | 
 class Contrast:
     """The baseline and the best other controller, in this order, and the line that judges them.
 
-    Only one run, if the scenario has no other that holds the speed. `off`: the best other controller beside
-    itself with learning off, where that was tried.
+    `runs` is only one run if no other controller holds the speed. `off`: the best other controller compared
+    with itself with learning off, if that was tried.
     """
 
     runs: Sequence[Run]
@@ -270,7 +271,7 @@ def contrast(results: Results, runs: Sequence[Run]) -> Contrast | None:
 
 
 def learning_off(results: Results, runs: Sequence[Run]) -> LearningHelps | None:
-    """A scenario's best law beside itself with learning off; None where no run tells of that."""
+    """A scenario's best law compared with itself with learning off; None if no run shows this."""
     case = _seen_case(results, runs)
     return learning_helps(case) if case is not None and case.ranked else None
 
@@ -278,7 +279,7 @@ def learning_off(results: Results, runs: Sequence[Run]) -> LearningHelps | None:
 def changed_by(pair: Contrast) -> str:
     """The second value against the first in words, such as "72.4 times less"; "" if they have no ratio.
 
-    Where learning does not help, the value against that with learning off.
+    If learning does not help, the words compare the value with the one with learning off.
     """
     if pair.off is not None and pair.off.tone != "better":
         return pair.off.remark
@@ -292,7 +293,7 @@ def changed_by(pair: Contrast) -> str:
 
 
 def _seen_case(results: Results, runs: Sequence[Run]) -> _Case | None:
-    """The case of a scenario, by what the laws see of it; None if no line judges it."""
+    """A scenario's case, by measured values if the sensor's error dominates; None if no line judges it."""
     basis = _basis(results, runs)
     if basis.line is None or basis.unjudged:
         return None
@@ -301,14 +302,14 @@ def _seen_case(results: Results, runs: Sequence[Run]) -> _Case | None:
 
 
 def _metric_of(results: Results, scenario: str, line: Line) -> Metric:
-    """The metric of a line, or of the measured values of one."""
+    """The metric of a line; a line of measured values belongs to the metric of the true ones."""
     name = line.name.removesuffix(MEASURED)
     named = {metric.name: metric for metric in results.study.metrics_in(scenario)}
     return named[line.name if line.name in named else name]
 
 
 def judged_line(results: Results, runs: Sequence[Run]) -> Line | None:
-    """The line by which a scenario's controllers are judged; None if none is."""
+    """The line by which a scenario's controllers are judged; None if there is none."""
     case = _seen_case(results, runs)
     return case.line if case is not None else None
 
@@ -328,7 +329,7 @@ class _Basis:
 
     @property
     def unjudged(self) -> bool:
-        """Whether every line that shows the rotor was dropped, so that none is left to judge by."""
+        """Whether lines were dropped, and the line to judge by, if any, doesn't show the rotor's motion."""
         shows = self.line is not None and (self.line.signal or "").startswith(("omega", "theta"))
         return len(self.lines) < len(self.all_lines) and not shows
 
@@ -337,7 +338,7 @@ def _basis(results: Results, runs: Sequence[Run]) -> _Basis:
     scenario, baseline, trace = runs[0].scenario, results.study.baseline, runs[0].trace
     all_lines = [line for line in compare(results, scenario) if line.better == "lower"]
     lines = [line for line in all_lines if not line.unjudged]
-    moves = len(trace) > 0 and varies_in(trace, "omega_ref", len(trace) // 4)  # a start-up aside
+    moves = len(trace) > 0 and varies_in(trace, "omega_ref", len(trace) // 4)  # without the start-up
     last = trace.part("omega_ref", slice(-1, None))
     line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
     where = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
@@ -390,7 +391,7 @@ def _doubts(case: _Case) -> list[str]:
 
 
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:
-    """What is said where only metrics are left that tell nothing of a controller."""
+    """The verdict if only metrics are left that can judge no controller: why, and what to add."""
     why = next(line.unjudged for line in lines if line.unjudged)
     wants = f"; {error_metric(results.study)}" if why == VARIES else ""
     reasons = remarks(results.study, [replace(line, unjudged="") for line in lines])
@@ -526,7 +527,7 @@ def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
     Lines with a value of the baseline come first. If the reference `moves`, the ripple is that of the speed
     error.
     """
-    lines = [line for line in lines if line.kind != "mean"]  # it may be negative
+    lines = [line for line in lines if line.kind != "mean"]  # a mean may be negative
     lines = [line for line in lines if baseline in line.values] or lines
     totals = [line for line in lines if _is_total(line) and (line.signal == "omega_error" or not moves)]
     totals.sort(key=lambda line: (line.kind == "rms") != moves)
@@ -537,7 +538,7 @@ def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
 
 
 def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[Line]) -> Line | None:
-    """The line for the last of a metric's several time windows, to judge learning by its final result."""
+    """The line with the latest time window among similar metrics, to judge learning by its final result."""
     if line is None or line.order is not None:
         return line
     alike = {other.name for other in lines if (other.kind, other.signal) == (line.kind, line.signal)}
@@ -562,7 +563,7 @@ def _is_part(case: _Case, line: Line) -> bool:
 
 
 def _is_slight(case: _Case, line: Line, controller: str) -> bool:
-    """Whether an order of the speed is below `EQUAL_DIFFERENCE` of the baseline's total: it is equal."""
+    """Whether an order of the speed is so small, against the baseline's total, that it counts as equal."""
     order, total = line.values[controller] or 0.0, case.line.values[case.baseline] or 0.0
     size = order * factor(line.unit, ANGULAR_SPEED)
     return size < EQUAL_DIFFERENCE * total * factor(case.line.unit, ANGULAR_SPEED)

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from cogless.results.trace import Array
 
 PANEL_WIDTH, PAGE_WIDTH, PICTURE_HEIGHT = 360, 1040, 230  # px
-LEFT_EDGE, RIGHT_MARGIN, TOP_EDGE, LOW_EDGE = 52, 16, 24, 188  # px, of the axes in a picture
-AXIS_PARTS_MOST = 5  # of an axis between round values
+LEFT_EDGE, RIGHT_MARGIN, TOP_EDGE, LOW_EDGE = 52, 16, 24, 188  # px, place of the axes in a picture
+AXIS_PARTS_MOST = 5  # largest number of parts between the ticks of an axis
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Scale:
 
 
 def linear(label: str, low: float, high: float) -> Scale:
-    """An axis with ticks at round values; it is one long for a single value."""
+    """An axis with ticks at round values; its length is 1 if `high` is not above `low`."""
     high = high if high > low else low + 1.0
     apart = (high - low) / AXIS_PARTS_MOST
     decade = 10.0 ** math.floor(math.log10(apart))
@@ -48,7 +48,7 @@ def linear(label: str, low: float, high: float) -> Scale:
 
 @dataclass(frozen=True)
 class Axes:
-    """Axes of pictures. One that is wider than its card scrolls in it."""
+    """The axes of a picture. A picture that is wider than its card scrolls within the card."""
 
     x: Scale
     y: Scale
@@ -61,7 +61,7 @@ class Axes:
         return LOW_EDGE - (LOW_EDGE - TOP_EDGE) * self.y.shares(ys)
 
     def line(self, xs: ArrayLike, ys: Array, colour: str, dots: bool = False) -> str:
-        """A line that follows the values down to the lower edge, and stops there."""
+        """A line through the values, with a gap where two successive values are both below the axis."""
         points = [f"{x:.1f} {y:.1f}" for x, y in zip(self.across(xs), self.down(ys), strict=True)]
         moves = ["M", *("L" if max(pair) >= self.y.low else "M" for pair in pairwise(ys))]
         path = "".join(map("".join, zip(moves, points, strict=True)))

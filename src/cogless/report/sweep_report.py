@@ -1,4 +1,4 @@
-"""The report of a sweep: how each controller fares over all variants, the worst one, what explains it."""
+"""The report of a sweep: how each controller fares over all variants, the worst variant, what explains it."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from cogless.results import AnyResults, Run
 from cogless.results.trace import Array, Trace
 from cogless.study.metric import LAST_TRIAL
 
-Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it
-PLOT_POINTS = 600  # points of a plot
-METRICS_PLOTTED = 3  # metrics with plots, and
-KEYS_PLOTTED = 4  # scatter plots for each, of the keys that explain most
+Repeat = Callable[[list[str], tuple[str, str]], str]  # from settings and run, the command that repeats it
+PLOT_POINTS = 600  # largest number of points of a plot
+METRICS_PLOTTED = 3  # largest number of metrics with plots
+KEYS_PLOTTED = 4  # largest number of scatter plots of a metric, one for each key that explains most
 
 
 @dataclass(frozen=True, eq=False)
 class SweepResults(AnyResults):
-    """A sweep as the page's frame takes results: its runs stand for controllers in scenarios."""
+    """A sweep in the form of results, for the page: an empty run for each controller in each scenario."""
 
     sweep: Sweep | None = None
     repeat: Repeat = lambda settings, pair: ""
@@ -153,7 +153,7 @@ def _sentence(spread: Spread) -> str:
 
 
 def _answer(results: SweepResults, runs: Runs) -> Answer | None:
-    """The share of variants that keep all limits, or else half of the variants' values: baseline, best."""
+    """Of baseline and best: the share of variants that keep all limits, or without limits the median."""
     sweep, base = results.finished_sweep, results.study.baseline
     groups = [
         group
@@ -269,7 +269,7 @@ def _influence_note(sweep: Sweep) -> str:
 
 
 def _plotted(groups: Sequence[Sequence[Spread]]) -> list[Sequence[Spread]]:
-    """The metrics that have plots: those with a limit, or else the first."""
+    """The metrics that have plots: the first with a limit, or else the first that can be judged."""
     judged = [group for group in groups if group[0].column.metric.better_direction != "none"]
     limited = [group for group in judged if group[0].within is not None]
     return (limited or judged)[:METRICS_PLOTTED]

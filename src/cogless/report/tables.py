@@ -1,6 +1,7 @@
 """The report's tables of numbers: metrics by controller, and the RMS of each term of a law.
 
-Ripple and jitter late in a run, true beside measured, whether or not the study has metrics for them.
+Another table has ripple and jitter late in a run, true and measured, whether or not the study has metrics
+for them.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from cogless.units import ANGLE, factor
 
 
 def line_table(results: AnyResults, runs: Sequence[Run], lines: Sequence[Line]) -> str:
-    """HTML table with a row per line and a column per controller; best marked, ratio to the baseline."""
+    """HTML table: a row per line, a column per controller, marks of the best, ratios to the baseline."""
     scenario, controllers = runs[0].scenario, [run.controller for run in runs]
     head = f"<th>{escape(scenario)}</th>{headings(results, controllers)}"
     body = table_rows((line.title, _cells(line, controllers, results.study.baseline)) for line in lines)
@@ -103,7 +104,7 @@ DELAY_NOTE = (
 
 
 def late_table(results: Results, runs: Sequence[Run]) -> str:
-    """The table as HTML; "" if no run has rows."""
+    """The table of ripple and jitter late in the runs, as HTML; "" if no run has rows."""
     drawn = [run for run in runs if len(run.trace) > 1 and late(results, run).stop > late(results, run).start]
     lines = list(_compared_lines(results, drawn)) if drawn else []
     if not lines:
@@ -114,7 +115,7 @@ def late_table(results: Results, runs: Sequence[Run]) -> str:
 
 def _compared_lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
     study, scenario = results.study, runs[0].scenario
-    # who did not hold the speed, or learned nothing, isn't the best here either
+    # a controller that did not hold the speed, or learned nothing, isn't the best here either
     compared = compare(results, scenario)
     missed = {c: how for line in compared for c, how in line.missed.items()}
     idle = {c: why for line in compared for c, why in line.unlearned.items()}

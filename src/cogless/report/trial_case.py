@@ -1,8 +1,7 @@
-"""A trial scenario's phases and outcome, as numbers for the verdict.
+"""The values of a trial scenario in each of its phases, for the verdict.
 
-The values of a trial scenario in each of its phases, for the verdict.
-
-How each controller of a trial scenario ended: its error, its own feedback's, and what its input took.
+The module also makes the outcome: each controller's error at the end, the error of its feedback alone, and
+the RMS of its input.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from cogless.study import TrialStudy
 ERROR_GROWTH_RATIO = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
 TRIALS_LEAST = 8  # smallest number of trials in which growth can be detected
 RMS_ROUNDING = 1e-9  # an RMS below this share of a phase's first one does not count as growth
-QUARTER_COUNT = 4
+QUARTER_COUNT = 4  # parts of a phase whose median RMS are compared
 
 
 @dataclass(frozen=True)
@@ -59,14 +58,14 @@ class Case(Contest):
 
     @cached_property
     def feedback(self) -> dict[str, list[float]]:
-        """RMS in each phase of each learning controller's own feedback: the same without learning."""
+        """RMS in each phase of each learning controller's feedback alone, in the display unit."""
         by_controller = {}
         for controller, run in self.runs.items():
             trace = run.feedback
             if trace is not None and self.metric.signal in trace:
                 rows = trace[self.metric.signal].reshape(-1, self.study.samples(self.scenario))
                 of_trials = rms(rows) / self.metric.scale
-                if len(of_trials) == len(self.phases):  # one of each
+                if len(of_trials) == len(self.phases):  # one trial of each phase
                     by_controller[controller] = [float(x) for x in of_trials]
                 else:
                     by_controller[controller] = [
@@ -75,8 +74,7 @@ class Case(Contest):
         return by_controller
 
     def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:
-        """The phase that ends furthest above the controller's own feedback, and both values; None if none
-        does."""
+        """The phase that ends furthest above the controller's own feedback, and both RMS; or None."""
         return max(self.all_above_feedback(controller), key=lambda end: ratio(*end[1:]), default=None)
 
     def all_above_feedback(self, controller: str) -> list[tuple[Phase, float, float]]:
@@ -91,10 +89,10 @@ class Case(Contest):
         return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + EQUAL_DIFFERENCE) * end[2]]
 
     def longest_above_feedback(self, controller: str) -> tuple[int, tuple[int, float, float]]:
-        """The most trials in a row of a phase with more error than the controller's own feedback has.
+        """The longest row of trials in a phase with more error than the controller's own feedback has.
 
-        Their number, and of the worst of them the trial, its RMS and the feedback's. An error below the floor
-        doesn't count.
+        Returns the number of trials, and for the worst trial of the row its number, its RMS and the
+        feedback's RMS. An error below the floor doesn't count.
         """
         longest, peak = 0, (0, 0.0, 0.0)
         floor = self.metric.floor or 0.0
@@ -208,7 +206,7 @@ class Case(Contest):
         return self.metric.value_text(value)
 
     def worst_first(self, controller: str, other: str) -> tuple[float, Phase, str]:
-        """The phase whose first-trial RMS is the largest multiple of another's: ratio, phase, both values."""
+        """After a change, the largest ratio of the first trial's RMS to another's; the phase; both RMS."""
         ratios = [
             (self.first(controller, phase) / self.first(other, phase), phase)
             for phase in self.phases[1:]
@@ -259,8 +257,10 @@ def outcome(results: TrialResults, runs: Sequence[Run]) -> Outcome | None:
 
 
 def own_lines(c: Case) -> list[Line]:
-    """The lines that every study of trials has: what the same controllers leave without learning, the RMS of
-    the input, and trials in which it was at its limit."""
+    """The lines that every study of trials has.
+
+    They are the error's RMS without learning, the input's RMS, and the number of trials at the input's limit.
+    """
     quantity, unit = ("current", "A") if c.study.plant is None else ("input", "")
     end = f"at the end{', worst phase' if len(c.phases) > 1 else ''}"
     alone = {name: c.feedback[name][c.worst_phase(name)] for name in c.final if name in c.feedback}

@@ -23,7 +23,7 @@ CERTIFICATE_NOTE = (
     " Largest share: what a trial may have at most of any error without learning (with an observer, of "
     "any missing input)."
 )
-GAIN_ROUNDING = 1e-4  # share of K_3
+GAIN_ROUNDING = 1e-4  # a limit of K_3 below this share of the K_3 in use counts as none
 MINUS = "−"  # noqa: RUF001
 STABLE = ("stable", "unstable")
 GROWS = ("doesn't grow", "may grow")

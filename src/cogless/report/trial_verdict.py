@@ -26,7 +26,7 @@ from cogless.report.verdicts import (
 )
 from cogless.results import Run, TrialResults
 
-FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few
+FEW_TRIALS = 5  # trials in a row above the feedback alone; only longer rows are reported
 
 
 def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | None:
@@ -65,7 +65,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
 
 
 def _ranked(c: Case) -> list[str]:
-    """Controllers, best first: by no divergence, then most floors reached, fewest trials, least RMS."""
+    """Controllers, best first: not diverging, then most floors reached, fewest trials, least RMS."""
 
     def rank(name: str) -> tuple[float, ...]:
         counts = c.counts.get(name, [])
@@ -164,7 +164,7 @@ def _compared_words(c: Case, value: float, other: float, name: str) -> str:
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
-    """How fast the floor is reached: "within 3 trials after every change"; `short`: said after another's."""
+    """How fast the floor is reached: "within 3 trials after every change"; `short`: as a second clause."""
     counts, never = c.counts[name], c.never(name)
     if never:
         if len(never) == len(c.phases):
@@ -217,7 +217,7 @@ def _behind(c: Case, name: str, best: str) -> str:
 
 
 def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
-    """How many trials a controller takes against the best, in words, and the phase where most differ."""
+    """A controller's trials to the floor against the best's, in words; the phase where they differ most."""
     behind = [
         (n - m, phase, n, m)
         for phase, n, m in zip(c.phases, c.counts[name], c.counts[best], strict=True)
@@ -257,7 +257,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
 
 
 def _against_its_feedback(c: Case, name: str, best: str) -> str:
-    """A sentence on a controller that ends above the same controller without learning, or on the best."""
+    """A sentence on a controller against itself without learning; "" if it is neither worse nor the best."""
     above = c.all_above_feedback(name)
     if above:
         phase, mine, base = max(above, key=lambda end: ratio(*end[1:]))
@@ -291,7 +291,7 @@ def _above_for_long(c: Case, name: str) -> str:
 
 
 def _input(c: Case, best: str) -> str:
-    """A sentence on the RMS of the best controller's input, beside the baseline's or the next's."""
+    """A sentence on the RMS of the best controller's input, against the baseline's or the next's."""
     others = [name for name in c.input_rms if name != best]
     if best not in c.input_rms or not others:
         return ""
@@ -405,8 +405,10 @@ def _are(names: Sequence[str]) -> str:
 
 
 def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None:
-    """Why learning may not help at some corner in this scenario, by the models, in words; None if it does at
-    all. Beside a predicted error stands the run's."""
+    """A reason, by the models, why learning may not help at some corner in this scenario; None without one.
+
+    A reason with a predicted error also has the run's error.
+    """
     prediction, over_limit = design.prediction, design.over_limit
     if over_limit is not None and design.limit is not None:
         plant, most = over_limit

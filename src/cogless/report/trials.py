@@ -1,10 +1,8 @@
 """The report's sections for a trial scenario.
 
-Plots over trials: every metric with one value per trial, and always the RMS of the error.
-
-The waveforms of chosen trials, which can be drawn over each other.
-
-The gains that each controller ran with, and how they were found.
+Plots over trials show every metric with one value per trial, and always the RMS of the error. The waveforms
+of chosen trials can be drawn over each other. A table has the gains that each controller ran with, and how
+they were found.
 """
 
 from __future__ import annotations
@@ -59,7 +57,7 @@ from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS
 
 
 def over_trials(results: TrialResults, runs: Sequence[Run]) -> Trials:
-    """Charts on a logarithmic axis, marks of changes, and zooms."""
+    """Charts over the trials on a logarithmic axis, with marks of the changes, and zoom buttons."""
     study, scenario = results.study, runs[0].scenario
     metric_words, described = judged(study, scenario), study.scenario[scenario]
     all_phases, floor = phases(described), metric_words.floor
@@ -111,8 +109,8 @@ def _chart(
 
 TRIAL_PAGE_POINTS = 900_000  # points of all waveforms of a page, at 2.7 bytes per point
 TRIAL_POINTS_LEAST = 200  # points of one waveform
-MOST_PHASES = 24
-TRIAL_POINTS = 3000  # the answer's curve over a trial has at most
+MOST_PHASES = 24  # largest number of phases with waveforms
+TRIAL_POINTS = 3000  # largest number of points of the answer's curve over a trial
 
 # Title, signal, reference, quantity.
 DRIVE = (
@@ -132,7 +130,7 @@ LINEAR = (
 def waveforms(results: TrialResults, runs: Sequence[Run]) -> TrialWaveforms:
     """Panels over the time within a trial, with a series for each controller and chosen trial.
 
-    Their note says which phases are left out.
+    The `note` says which phases are left out.
     """
     study, scenario = results.study, runs[0].scenario
     count = study.scenario[scenario].trials
@@ -268,7 +266,7 @@ __all__ = ["TRIALS"]
 
 
 def answer(results: TrialResults, runs: Sequence[Run]) -> Answer | None:
-    """The best controller's error in the first and the last trial of a phase."""
+    """The best controller's error in the first and the last trial of its worst phase."""
     judged = case(results, runs)
     if judged is None or best_of(judged) not in judged.rms:
         return None
@@ -283,18 +281,18 @@ def answer(results: TrialResults, runs: Sequence[Run]) -> Answer | None:
 
 
 def worst_phase(judged: Case) -> Phase:
-    """The phase whose first trial is the best controller's worst."""
+    """The phase in whose first trial the best controller has its largest error."""
     best = best_of(judged)
     return max(judged.phases, key=lambda phase: np.nan_to_num(judged.first(best, phase)))
 
 
 def first_and_last(phase: Phase) -> list[int]:
-    """The first and the last trial of a phase; one where it has no more."""
+    """The first and the last trial of a phase; one trial if the phase has only one."""
     return list(dict.fromkeys((phase.start, phase.stop - 1)))
 
 
 def pictures(results: TrialResults, runs: Sequence[Run]) -> list[OverGrid]:
-    """The chart of the best controller's error over the first and the last trial of a phase."""
+    """The chart of the best controller's error over the first and the last trial of its worst phase."""
     judged = case(results, runs)
     if judged is None:
         return []
@@ -330,7 +328,7 @@ def pictures(results: TrialResults, runs: Sequence[Run]) -> list[OverGrid]:
 def _metric_lines(results: TrialResults, scenario: str) -> list[Line]:
     """The lines of metrics that have one value per phase, in the study's order.
 
-    A metric has a line for each group of phases: of many phases the worst value.
+    A metric has a line for each group of phases, with the worst value of the group.
     """
     study, runs = results.study, runs_in(results, scenario)
     together = groups(phases(study.scenario[scenario]))

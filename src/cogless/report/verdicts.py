@@ -11,7 +11,7 @@ from cogless.study import AnyStudy
 from cogless.study.base import StudyBase
 
 EQUAL_DIFFERENCE = 0.05  # relative difference below which two values count as equal
-REPORTED_RATIO = 1.5  # ratio to another's value from which on a sentence reports it
+REPORTED_RATIO = 1.5  # a value / another controller's, from which on a sentence reports the difference
 TONES = ("worse", "even", "better")  # the worst first
 
 
@@ -28,7 +28,7 @@ class ScenarioVerdict:
     """Verdict on a scenario: a headline, details and, with faults, sentences on each fault.
 
     `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
-    headline is about these, and the tone is at best the one of the response to these.
+    headline is about the faults, and the tone is no better than that of the response to them.
     `cost`: a sentence on what the best controller costs; "" where that is unknown. `doubts`: sentences on
     winners whose next run may end otherwise.
     """
@@ -44,7 +44,7 @@ class ScenarioVerdict:
 
 @dataclass(frozen=True)
 class Answer:
-    """The large figures of a scenario: each with its controller, a word on it and its value with the unit."""
+    """The large figures of a scenario: for each a controller, a word on its run, and a value with unit."""
 
     figures: Sequence[tuple[str, str, str]]
     change: str  # the last against the first, such as "72.4 times less"
@@ -55,8 +55,8 @@ class Answer:
 class LearningHelps:
     """What learning does to the best law: the tone, and words such as "as much as with learning off (2 rpm)".
 
-    `text`: what it leaves with learning off, with the unit. `value`: the same number, None if it does not
-    hold the speed.
+    `text`: what the law leaves with learning off, with the unit. `value`: the number in `text`; None if the
+    law with learning off does not hold the speed.
     """
 
     controller: str

@@ -1,6 +1,7 @@
 """Plots over time: the waveforms of a scenario, their zooms, the response to each event.
 
-It also computes the i_q that would produce exactly the reference's motion. A learning law has to find it.
+The module also computes the i_q that would produce exactly the reference's motion. A learning law has to
+find this current.
 """
 
 from __future__ import annotations
@@ -53,12 +54,12 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
 
 SPEED_PAGE_POINTS = 560_000  # points of all waveforms of a page, at 2.7 bytes per point
 WAVEFORM_POINTS_MOST, WAVEFORM_POINTS_LEAST = 20_000, 1_500  # points of one waveform
-POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same for the finer points of faults and last revolutions
+POINTS_FINE, MOST_FINE = 200_000, 4_000  # points of a page's close-ups in all; most of one waveform
 TURNS_READABLE = 2  # revolutions in one plot
-FAULT_BUTTONS = 6  # buttons that show a fault
+FAULT_BUTTONS = 6  # largest number of buttons for faults
 FAULTS_FINE = 2  # largest number of faults with finer points
-EVENT_POINTS = 1_200
-EVENT_SPAN = (-0.1, 1.5)  # s about an event
+EVENT_POINTS = 1_200  # points of a waveform around an event
+EVENT_SPAN = (-0.1, 1.5)  # s, begin and end of the drawn span, after an event
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class View:
         return Grid(float(time[0]) + (step - trace.period) / 2, step)
 
     def thinned(self, trace: Trace, values: Callable[[slice], Array]) -> Array:
-        """The view's points of what `values` gives for rows of the trace; a long trace is read in pieces."""
+        """What `values` returns for the view's rows, thinned to `points`; a long trace is read in pieces."""
         first, last, _ = self.rows_of(trace).indices(len(trace))
         size = bucket(last - first, self.points)
         if not size:

@@ -1,6 +1,6 @@
 """Responses of controllers to faults in a scenario: duration of the safe output, ripple before and after.
 
-All is computed from the rows of a run's trace, so an event shorter than their period may be missed.
+All is computed from the rows of a run's trace, so an event shorter than the time between rows may be missed.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Response:
     """Response of a run to a fault, from the fault's beginning to that of the next fault, or to the end.
 
     `safe`, `not_learning`, `saturated`: total duration of that state, s. `noticed_after`: time from the fault
-    to the controller's first sign that it noticed it, s. `ripple_before`, `ripple_after`: RMS of the speed
-    error about its mean over one turn of the reference, rad/s, in the spans `before` and `after`. None:
+    to the first sign that the controller noticed the fault, s. `ripple_before`, `ripple_after`: RMS of the
+    speed error about its mean over one turn of the reference, rad/s, in the spans `before` and `after`. None:
     never, or unknown.
     """
 

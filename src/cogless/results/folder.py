@@ -1,10 +1,12 @@
-"""The folder of a run's results: one set of files, which appears at once, whatever happens on the way.
+"""The folder of a run's results: one set of files. A new set appears all at once, or not at all.
 
-A new set is written to a folder within. Then each name becomes a link that leads through one link, SET, to
-the old file; a single rename lets SET lead to the new files; and these take their names. So links are there
-for a moment only. What a run that was killed has left, the next run finishes or undoes.
+A new set is first written to a folder within. Then each file's name becomes a link to the old file, and all
+these links lead through one link, SET. A single rename lets SET lead to the new files. At last the new files
+replace the links, so links exist for a moment only. If a run is killed, the next run finishes or undoes this.
 
-The folder may be from elsewhere: its own directories must be real ones, so that no link leads out of it.
+On a file system without links, the new files replace the old ones one after the other.
+
+The folder may be from elsewhere: the directories in it must be real ones, so that no link leads out of it.
 """
 
 from __future__ import annotations
@@ -31,10 +33,10 @@ DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 @contextmanager
 def locked_folder(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
-    """Make the folder if it's missing, and keep other runs out of it. `names`: of the set's files to come.
+    """Make the folder if it's missing, and keep other runs out of it. `names`: the new set's files.
 
-    What a killed run has left is cleaned first. StudyError: it can't be written, no file of such a name can
-    be written there, or another run has it.
+    What a killed run has left is cleaned first. StudyError: the folder can't be written, a file can't have
+    one of the names there, or another run has locked the folder.
     """
     with writable(folder), _alone(folder):
         with _refused(folder):
@@ -44,9 +46,10 @@ def locked_folder(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
 
 
 def check_names(folder: Path, names: Iterable[str]) -> None:
-    """Write empty files of these names in a folder within, and look at what is in their places.
+    """Check that files of these names can be written, by empty files in a temporary folder within.
 
-    StudyError: one can't be written, so that no result is computed that can't be saved.
+    StudyError: a file can't be written, or a directory or link is in its way. So no run computes results that
+    it can't save.
     """
     with deferred() as requests:  # Ctrl-C waits until the empty files are removed
         _try_names(folder, names)
@@ -73,7 +76,7 @@ def _try_names(folder: Path, names: Iterable[str]) -> None:
 def new_set(folder: Path) -> Iterator[Path]:
     """Yield a folder for the files of a new set; at the end it replaces the old set, all files at once.
 
-    After any error the old set is there. `folder` is held. StudyError names the file as it would have been.
+    After any error the old set is back. `folder` must be locked. A StudyError names the file's final path.
     """
     stage = folder / NEW
     try:
@@ -134,7 +137,7 @@ def _files(folder: Path) -> list[str]:
 
 
 def _listed(folder: Path) -> list[str]:
-    """Files of the set in a folder, as they were written; those that somebody has changed aren't its own."""
+    """The names of the set's files in a folder, without files that somebody has changed since."""
     try:
         digests = json.loads((folder / INDEX_FILE).read_text(encoding="utf-8"))["files"]
         listed: Mapping[str, str] = {str(PurePosixPath(name)): digest for name, digest in digests.items()}
@@ -144,7 +147,7 @@ def _listed(folder: Path) -> list[str]:
 
 
 def _is_own(folder: Path, name: str) -> bool:
-    """Whether a name is that of a file within the folder, with no link on the way."""
+    """Whether a name is a file's within the folder, and neither the file nor a directory of it is a link."""
     path = PurePosixPath(name)
     way = [folder / inside for inside in (path, *path.parents)][:-1]
     within = not path.is_absolute() and ".." not in path.parts
@@ -152,7 +155,7 @@ def _is_own(folder: Path, name: str) -> bool:
 
 
 def _place(folder: Path, name: str, make: bool = False) -> Path:
-    """The path of a file of the set. `make`: with its directories.
+    """The path of a file of the set. `make`: whether to make its directories.
 
     StudyError: a directory on the way is a link or a file, or a directory is in the file's place.
     """
@@ -200,11 +203,11 @@ def _switch(folder: Path) -> None:
 
 
 def _settle(folder: Path) -> None:
-    """Let the files of the set that stands take their names; remove what else a run has left."""
+    """Give the files of the set to which SET leads their names; remove what else a run has left."""
     new, old, link = folder / NEW, folder / OLD, folder / SET
     own = [new, old, *folder.glob(f"{TRIAL}*")]
     for path in own:
-        if path.is_symlink() or path.is_file():  # no run writes other things
+        if path.is_symlink() or path.is_file():  # not from a run, which only makes directories of these names
             path.unlink()
     if link.is_symlink():
         stands, other = (new, old) if os.readlink(link) == NEW else (old, new)

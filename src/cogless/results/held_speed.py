@@ -11,19 +11,20 @@ import numpy as np
 from cogless.results.trace import Array
 
 MEAN_ERROR_MOST = 0.05  # share of the reference's mean magnitude: beyond this the mean speed is off
-# error rms / mean magnitude of a reference of one sign; a sine of this rms stops the rotor
+# largest error rms / mean magnitude of a reference of one sign; a sine of this rms stops the rotor
 JERKS_RATIO = math.sqrt(0.5)
-UNEVEN_RATIO = 0.5  # the same: from here on the speed is said to be uneven; a sine slows to 29 % of it
+UNEVEN_RATIO = 0.5  # the same ratio, from which on a speed is uneven; a sine slows it to 29 %
 LOST_SPEED_RATIO = 0.5  # error rms / reference rms, at most, if the reference's mean is zero
 REST_ERROR_MOST = 0.1  # rad/s, largest error rms if the reference is zero all the time
-ROUNDED_SHARE = 1e-3  # of a reference's mean magnitude: a smaller mean that is off is told as zero
-ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
+ROUNDED_SHARE = 1e-3  # share of a reference's mean magnitude: a smaller mean speed is reported as zero
+ONE_WAY = 0.1  # share of a reference's mean magnitude: a smaller mean of the reference counts as zero
 
 
 @dataclass(frozen=True)
 class Miss:
-    """How a speed missed its reference, rad/s: the means, or the rms of the error and of the reference.
+    """How a speed missed its reference.
 
+    `value`, `target`: the means of speed and reference, or the rms of error and reference, rad/s.
     `kind`: "mean", "error", or "infinite" for a speed that isn't finite.
     """
 
@@ -35,8 +36,8 @@ class Miss:
 def miss(reference: Array, speed: Array) -> Miss | None:
     """How a speed, rad/s, missed its reference; None if it was held.
 
-    It is missed only if it is off over all the rows and over their second half. So a start-up at the
-    beginning doesn't count, nor does a slow ripple.
+    A speed counts as missed only if it is off over all the rows and over their second half. So a start-up at
+    the beginning doesn't count, nor does a slow ripple.
     """
     half = slice(len(speed) // 2, None)
     with np.errstate(all="ignore"):
@@ -44,9 +45,9 @@ def miss(reference: Array, speed: Array) -> Miss | None:
 
 
 def unevenness(reference: Array, speed: Array) -> float | None:
-    """How uneven a speed is that has its mean: the error's rms over the mean of a reference of one sign.
+    """The error's rms / the mean magnitude of a reference of one sign, for a speed with the right mean.
 
-    None: it is below UNEVEN_RATIO, or a mean is off. The speed is held up to JERKS_RATIO.
+    None: the ratio is below UNEVEN_RATIO, or a mean is off. A speed is held up to JERKS_RATIO.
     """
     half = slice(len(speed) // 2, None)
     ratio = min(_unevenness(reference, speed), _unevenness(reference[half], speed[half]))

@@ -1,4 +1,4 @@
-"""What limits a run: what each cause has in its result, and the change of the study that helps it most."""
+"""What limits a run: the share of each cause in the run's result, and the changes that help most."""
 
 from __future__ import annotations
 
@@ -21,17 +21,20 @@ CAUSES = {
     "limit": "a limit of current or voltage",
     "belief": "wrong motor parameters",
 }
-LETS_THROUGH = ("learning-time", "delay", "limit", "belief")  # they act by torque ripple that is left
+LETS_THROUGH = ("learning-time", "delay", "limit", "belief")  # causes that act by torque ripple that is left
 AND = " + "
-CLEAR_SHARE = 0.1  # of a result's square: what a cause must have to be named
-NAMED_MOST = 3  # causes that are told, and against which changes are tried
+CLEAR_SHARE = 0.1  # least share of a result's square with which a cause is named
+NAMED_MOST = 3  # causes that are named, and against which changes are tried
 HELPING_SHARE = 0.8  # an advised change leaves at most this share of the present value
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause that was taken away. `value`: what the run's metric is without it, SI. `share`: its share of
-    the metric's square, at most 1; negative if the run is worse without it."""
+    """A cause that was taken away from a run.
+
+    `value`: the run's metric without the cause, SI. `share`: the cause's share of the metric's square, at
+    most 1; negative if the run is worse without the cause.
+    """
 
     name: str  # a key of CAUSES, or two of them with AND between
     value: float
@@ -45,10 +48,13 @@ class Cause:
 
 @dataclass(frozen=True)
 class Cure:
-    """A change of the study, values by dotted key, that was tried against a cause. `value`: the metric with
-    it, SI. `setting`: it needs no other part, only another number. `costs`: other metrics that get clearly
-    worse with it, each with the ratio to its value before. `learner`: the metric of `Limits.learner` with it,
-    SI; None: that law was not tried, or does not hold the speed."""
+    """A change of the study, values by dotted key, that was tried against a cause.
+
+    `value`: the metric with the change, SI. `setting`: the change needs no other part, only another number.
+    `costs`: other metrics that get clearly worse with the change, each with the ratio to its value before.
+    `learner`: the metric of `Limits.learner` with the change, SI; None: that law was not tried, or does not
+    hold the speed.
+    """
 
     cause: str
     changes: Mapping[str, Any]
@@ -59,7 +65,7 @@ class Cure:
 
     @property
     def of_law(self) -> bool:
-        """Whether it changes a controller, so that it says nothing of another one."""
+        """Whether the change is in one controller, so that it says nothing of another controller."""
         return any(key.startswith("controller.") for key in self.changes)
 
 
@@ -79,8 +85,8 @@ class Limits:
     """What limits a run, by one of its metrics, or by one order of it.
 
     `causes` are those that the study has, the largest share first; their shares need not add up to one.
-    `untried`: causes without which the run can't be made, so nobody knows their share. `cures` were tried,
-    the best first. `learner`: beside which the advised cures were tried, too.
+    `untried`: causes without which the run can't be made, so nobody knows their share. `cures`: the changes
+    that were tried, the best first. `learner`: another law with which the advised cures were tried, too.
     """
 
     scenario: str
@@ -107,7 +113,7 @@ class Limits:
 
     @property
     def setting(self) -> Cure | None:
-        """The best change that needs no other part; None if none of those that were tried helps."""
+        """The best change that needs no other part; None if no such change that was tried helps."""
         return self._best(True)
 
     @property

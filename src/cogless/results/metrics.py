@@ -33,7 +33,7 @@ Value = float | None | list[float]
 # Signals with a target. Any other signal should return to its mean from before the event.
 ERROR_SIGNALS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
-REFERENCE_SPREAD_MOST = 1e-9  # of the speed: so much a constant reference varies by rounding
+REFERENCE_SPREAD_MOST = 1e-9  # share of the speed, by which rounding may vary a constant reference
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
@@ -73,8 +73,10 @@ class MetricInput:
         return self.conditions.pole_pairs * x if turned and self.metric.frame == "electrical" else x
 
     def _smooth(self, x: Array, span: float) -> Array:
-        """Centred moving average over `span` s of the rows in the metric's window, from none that come after
-        the window."""
+        """Centred moving average over `span` s, for the rows in the metric's window.
+
+        Rows after the window are not used.
+        """
         half = round(span / self.trace.period / 2) if self.trace.period else 0
         total = np.concatenate(([0.0], np.cumsum(x)))
         row = np.arange(self.rows.start, self.rows.stop)
@@ -146,8 +148,8 @@ def three_sigma(m: MetricInput) -> Array:
 def switching_ripple(m: MetricInput) -> float:
     """Root of the mean square about the moving mean over a period of the PWM, in the signal's unit.
 
-    The mean is that of the rows around each row, those at both ends of the period by half. It follows what is
-    slower than the pulses; rows without a whole period around them don't count.
+    The moving mean at a row is over the period around this row; rows at both its ends count by half. So
+    what is slower than the pulses is left out. A row without a whole period around it doesn't count.
     """
     x, row = m.x, m.trace.period
     count = round(m.conditions.pwm_period / row) if row else 0
@@ -241,7 +243,7 @@ def exceeds(m: MetricInput) -> float | None:
 def time_to_learn(m: MetricInput) -> float | None:
     """Time from the window's start after which the signal's RMS stays within the band, s; None when never.
 
-    The RMS is that of pieces of the window, each `smooth` long; the last may be shorter and doesn't count.
+    The RMS is that of each piece of the window, `smooth` long; a shorter piece at the end doesn't count.
     """
     if m.metric.smooth is None or m.metric.band is None:
         raise m.error("expected a band, and smooth")
@@ -280,10 +282,10 @@ def chattering(m: MetricInput) -> float:
 
 
 def carriage_ripple(m: MetricInput) -> float:
-    """Rms of a carriage's way about its mean line by the electrical orders in CARRIAGE_ORDERS, m.
+    """Rms of the electrical orders in CARRIAGE_ORDERS of a carriage's position, about its mean motion, m.
 
-    The line is the least-squares one over the window, so that the speed is the mean one. Orders count along
-    the line. NaN if the motor turned too little. StudyError: a speed that the reference changes meanwhile.
+    The mean motion is the least-squares straight line over the window. Orders are counted along this line.
+    NaN if the motor turned too little. StudyError: the reference changes its speed in the window.
     """
     reference = m.part("omega_ref", m.rows)
     if np.ptp(reference) > REFERENCE_SPREAD_MOST * np.max(np.abs(reference)):
@@ -422,8 +424,10 @@ def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
 
 
 def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]:
-    """Indices of the rows outside the band around the signal's reference, or around otherwise() if it has
-    none. A row with NaN is outside."""
+    """Indices of the rows outside the band around the signal's reference; a row with NaN is outside.
+
+    For a signal without a reference the band is around otherwise().
+    """
     if m.metric.band is None:
         raise m.error("expected a band")
     target: Array | float

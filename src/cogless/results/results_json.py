@@ -1,6 +1,6 @@
 """Write results.json: the study's settings, and each run's metrics with a summary of what it learned.
 
-Files of the maps that a study's runs have learned, as firmware stores them: one file per run.
+The module also writes the maps that a study's runs have learned, as firmware stores them: one file per run.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
 
 def to_dict(results: AnyResults) -> dict[str, Any]:
-    """Content of results.json, in plain types only; a number that isn't finite becomes null, meaning
-    "never"."""
+    """Content of results.json, in plain types; a number that isn't finite becomes null, for "never"."""
     return {
         "study": results.study.name,
         "title": results.study.title,
@@ -114,8 +113,7 @@ def _limits(results: AnyResults) -> dict[str, Any]:
 
 
 def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
-    """Definition of each metric by its name in the runs: kind, unit, signal; also orders and frame, or the
-    floor."""
+    """Definition of each metric by its name in the runs: kind, unit, signal; orders and frame, or floor."""
     definitions = {}
     for metric in results.study.metric:
         meaning: dict[str, Any] = {
@@ -163,8 +161,7 @@ def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _quality(quality: Mapping[str, Any]) -> dict[str, Any]:
-    """Quality of learning as the controller computes it; null if the motor hasn't turned far enough for
-    it."""
+    """Quality of learning as the controller computes it; null if the motor hasn't turned far enough."""
     names = {"residual_rad_per_s": "residual"}
     names |= {name: name for name in ("progress", "improving", "worsening") if name in quality}
     return {key: quality[name] if quality["known"] else None for key, name in names.items()}
@@ -216,7 +213,7 @@ def _rms(x: NDArray[np.float64]) -> float:
 
 
 def name(scenario: str, controller: str) -> str:
-    """The file of a run's map, within the folder of maps."""
+    """The path of a run's map file within the folder of maps."""
     return f"{scenario}/{controller}.bin"
 
 

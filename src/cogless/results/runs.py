@@ -58,8 +58,8 @@ class Run:
 class LearningOff:
     """What a scenario's best learning law leaves with the same gains and its learning off.
 
-    It is by the metric that judges the scenario. `signal`: the metric's, or what the sensor shows of it where
-    that judges. `value`: SI; None: it did not hold the speed.
+    `metric`: the one that judges the scenario. `signal`: the metric's signal, or the measured one if that one
+    judges. `value`: SI; None: with learning off the law did not hold the speed.
     """
 
     scenario: str
@@ -98,7 +98,7 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for.
+    """Results of a speed study. `limits`: what limits a scenario's best run, if further runs were made.
 
     `learning_off`: what a scenario's best run leaves with its learning off, where that was tried.
     """

@@ -2,7 +2,7 @@
 
 Units: SI. Angles are mechanical and unwrapped (`theta_m`), speeds mechanical (`omega_m`).
 
-Traces that are too long for memory: each in a file without a name, which ends with the command.
+A trace that is too long for memory is in a file without a name, which vanishes when the command ends.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-BLOCK_ROWS = 1 << 18  # rows
+BLOCK_ROWS = 1 << 18  # rows of a long trace that are read at a time
 CHUNK_ROWS = 1 << 16  # rows that are compressed together
 
 
@@ -39,7 +39,7 @@ class Trace:
 
     `data`: a row per time, a column per signal, used without a copy; one of the signals is "time".
     `mapped`: the file that `data` is in, for a trace that isn't in memory. Then a signal is a copy, so that
-    only what is in use takes memory. `largest`: where a signal isn't below it, it reads as NaN.
+    only what is in use takes memory. `largest`: a larger value of a signal is read as NaN.
     """
 
     names: tuple[str, ...]
@@ -62,7 +62,7 @@ class Trace:
         return self.part(name, slice(None))
 
     def part(self, name: str, rows: slice) -> Array:
-        """These rows of a signal, as trace[name][rows]; of a long trace the others aren't read."""
+        """These rows of a signal, as trace[name][rows]; other rows are read only for signals `from_start`."""
         if name in self.names:
             return self._recorded(self.data[rows, self.names.index(name)])
         if name not in self.derived:
@@ -163,9 +163,9 @@ def write_netcdf(
     """Write all runs to one netCDF-4 file, one group per "scenario/controller", completely or not at all.
 
     `time` and `theta_m` are stored in double precision, since both grow without bound; the others in single.
-    `rate`: rows a second at most, Hz; of a trace with more, every n-th is stored, n the group's attribute
-    `every`. `attributes` go to the file's root. `xarray.open_dataset(path, group="scenario/controller")`
-    opens a run.
+    `rate`: largest number of stored rows a second, Hz. Of a trace with more, every n-th row is stored; n is
+    the group's attribute `every`. `attributes` go to the file's root.
+    `xarray.open_dataset(path, group="scenario/controller")` opens a run.
     StudyError: the file can't be written.
     """
     import netCDF4
@@ -208,7 +208,7 @@ IN_MEMORY = 48_000_000  # bytes of all traces that are not in files
 
 
 class TraceFile:
-    """A trace that is written while its run goes on, a signal after the other in the file."""
+    """A file to which a trace is written while its run goes on, one signal after the other in the file."""
 
     def __init__(self, folder: Path, signals: Sequence[tuple[str, str]], rows: int) -> None:
         self._folder, self._signals = folder, signals
@@ -218,7 +218,7 @@ class TraceFile:
             self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
         except OSError as error:
             raise self._no_room(error) from error
-        weakref.finalize(self, self._file.close)  # also of a run that fails
+        weakref.finalize(self, self._file.close)  # also if the run fails
 
     def append(self, rows: Array) -> None:
         """Write further rows, with a column per signal. StudyError: there is no room for them."""

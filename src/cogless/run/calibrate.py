@@ -30,7 +30,7 @@ from cogless.study.reading import split
 # encoder makes metrics uneven: large steps find the valley, small ones its lowest point.
 DERIVATIVE_STEPS = (0.3, 0.1, 0.02)
 FIT_TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
-EVALUATIONS_MOST = 20  # evaluations of each fit
+EVALUATIONS_MOST = 20  # evaluations of each fit, without those for derivatives
 
 FitProgress = Callable[[int, float], None]
 
@@ -159,7 +159,7 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
 
 
 def _deciding_tables(study: AnyStudy, scenario: str, controller: str) -> str:
-    """Text of all tables that decide a run's metrics: the study's, without other scenarios and
+    """Text of all tables that decide a run's metrics: the study's tables without other scenarios and
     controllers."""
     tables = {key: table for key, table in study.source.tables.items() if key != "calibration"}
     for table, name in (("scenario", scenario), ("controller", controller)):
@@ -210,7 +210,7 @@ def _knob(study: AnyStudy, index: int, parameter: FitParameter) -> _Knob:
 def _residuals(study: AnyStudy, metrics_of: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
     """Targets and values of this study's metrics.
 
-    `metrics_of`: metrics of earlier runs; a run with the same tables as one of them isn't repeated.
+    `metrics_of`: metrics of earlier runs, by the text of their tables. Such a run isn't repeated.
     """
     assert study.calibration is not None
     pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
@@ -251,8 +251,8 @@ def _metric(study: AnyStudy, scenario: str, name: str) -> Metric:
 def _relative(study: AnyStudy, residuals: list[Residual]) -> list[float]:
     """Weighted relative deviations from the targets.
 
-    Each is divided by the magnitude of its target. In a list all are divided by the largest magnitude.
-    Where that is zero, they aren't divided.
+    Each deviation is divided by the magnitude of its target; all deviations of a list by the list's largest
+    magnitude. Where that magnitude is zero, nothing is divided.
     """
     assert study.calibration is not None
     sizes: dict[tuple[str, str, str], float] = {}

@@ -1,4 +1,4 @@
-"""Carry out planned runs on the engine: one alone, or several that are alike in step."""
+"""Carry out planned runs on the engine: one run alone, or several runs that are alike, in step."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
 
 
 def carried_out(planned: Plan, progress: RunProgress, stop: Event, room: TraceRoom | None) -> Run:
-    """Run a plan alone, and compute its metrics. StudyError: the run failed."""
+    """Carry out one plan alone, and compute the run's metrics. StudyError: the run failed."""
     drive, state = planned.drive, planned.start()
     file = room.file(drive.signals, planned.trace_rows) if room is not None else None
     recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else planned.trace_rows)
@@ -52,7 +52,7 @@ def carried_out(planned: Plan, progress: RunProgress, stop: Event, room: TraceRo
 
 
 class _Lane:
-    """A run that goes on beside others. `error`: why it failed."""
+    """A run that the engine computes in step with others. `error`: why the run failed, or ""."""
 
     def __init__(self, planned: Plan, room: TraceRoom | None) -> None:
         self.planned, self.state, self.error = planned, planned.start(), ""
@@ -82,9 +82,9 @@ class _Lane:
 def carried_out_together(
     plans: Sequence[Plan], stop: Event, room: TraceRoom | None
 ) -> list[Run | StudyError]:
-    """Run plans of one engine in step, as many as it has lanes at a time, and the others alone.
+    """Carry out plans of one engine. Plans that are alike run in step, at most one per lane of the engine.
 
-    A run's numbers are those that it gives alone, bit for bit. Returns each plan's run, or why it failed.
+    Each run has bit for bit the numbers of a run alone. Returns each plan's run, or why the run failed.
     """
     first = plans[0]
     width = first.engine.lane_kernels()[0][1]
@@ -136,7 +136,7 @@ def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom | None) -> lis
 
 
 def _feedback_trace(study: TrialStudy, planned: Plan) -> Trace | None:
-    """One trial of each phase by the same controller without learning; None if there is none."""
+    """The trace of `feedback_plan`, by the same controller without learning; None without such a plan."""
     alone = feedback_plan(study, planned)
     if alone is None:
         return None
@@ -173,12 +173,12 @@ def _speed_run(study: Study, planned: Plan, state: Any, trace: Trace, lanes: int
 
 def _trial_run(study: TrialStudy, planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:
     scenario, controller = planned.scenario, planned.controller
-    # metrics use one row per sample of the trial, without the rows in between
+    # metrics use one row per sample of the trial; the trace may have more
     rows = replace(trace, data=trace.data[:: planned.divider // planned.decimation])
-    # the map is stored with the last phase's reference, for which it was learned
+    # the map is stored with the last phase's reference, since it was learned for this motion
     motion = learned_map.motion_identity(study.reference(scenario, study.scenario[scenario].phases[-1][1]))
     metrics = _metrics(planned, rows)
-    # a user's law isn't asked: its map would belong to an angle, not to a sample
+    # a user's law isn't asked for its map: this would be over an angle, not over samples
     own = study.controller[controller].code is not None
     learned = None if own else _learned(planned, state)
     return Run(

@@ -1,4 +1,4 @@
-"""Changes of a study that may help against a cause. None is advised before a run has tried it."""
+"""Changes of a study that may help against a cause. Each is tried in a run before it is advised."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
 
-OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
-FAST_OCTAVES = (1, 2, 4)  # the same, against a cause that a faster observer lessens
-TRIED_FACTORS = (2, 4)
-MORE_BITS = (2, 6)
-HALL_EDGES = (6, 3, 1)  # intervals that the speed is taken over
-BANDS = (0.003, 0.01, 0.03)  # of the current limit, in which dead time is compensated in part
-CALIBRATED_SHARE = 0.1  # of the offsets and gain errors that phase currents have with the bridge off
+OCTAVES = (4, 8, 16, 32)  # law's rate / observer's bandwidth
+FAST_OCTAVES = (1, 2, 4)  # law's rate / observer's bandwidth, against a cause that a faster observer lessens
+TRIED_FACTORS = (2, 4)  # divisors of a speed window, or of a current loop's bandwidth or gains
+MORE_BITS = (2, 6)  # bits by which a finer sensor's resolution is higher
+HALL_EDGES = (6, 3, 1)  # intervals between edges over which the speed is taken
+BANDS = (0.003, 0.01, 0.03)  # share of the current limit, below which dead time is compensated in part
+CALIBRATED_SHARE = 0.1  # share of the current sensors' offsets and gain errors that calibration leaves
 LEARNED_TIMES = 6  # time constants in which a table of the sensor's error is learned
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A change that may help. `setting`: it is only another number, not another part of the drive."""
+    """A change that may help. `setting`: whether only a setting changes, and no part of the drive."""
 
     changes: Changes
     setting: bool = True
@@ -76,14 +76,18 @@ def observers(study: Study, octaves: Sequence[int] = OCTAVES) -> Iterator[Candid
             continue
         of_observer = {"speed_method": "observer", "observer_bandwidth": f"{bandwidth:g} Hz"}
         table = study.source.tables["drive"]["position_sensor"]
-        if "window" in table:  # only an average may have one
+        if "window" in table:  # only the speed method "average" may have this key
             yield Candidate({SENSOR: {**{k: v for k, v in table.items() if k != "window"}, **of_observer}})
         else:
             yield Candidate({f"{SENSOR}.{key}": value for key, value in of_observer.items()})
 
 
 def _finer(study: Study) -> Iterator[Candidate]:
-    """Candidates with a finer sensor: the finest chip if it has two bits more, else one of another kind."""
+    """Candidates with a finer sensor.
+
+    An absolute encoder becomes the finest chip of the catalogue if this has two bits more or better. Any
+    other sensor gets more lines, bits or positions.
+    """
     sensor = study.drive.position_sensor
     bits, finest = getattr(sensor, "bits", None), max(sensor_bits().values())
     if isinstance(sensor, Absolute) and bits and bits + MORE_BITS[0] <= finest:
@@ -98,16 +102,16 @@ def _finer(study: Study) -> Iterator[Candidate]:
 
 
 def _timed(study: Study) -> Iterator[Candidate]:
-    """A candidate whose speed comes from the time between an encoder's edges."""
+    """A candidate that takes the speed from the time between an encoder's edges; none for other sensors."""
     timed = timed_edges(study)
     if timed:
         yield Candidate(timed)
 
 
 def _hall_edges(study: Study) -> Iterator[Candidate]:
-    """Candidates whose speed from Hall sensors is over another number of edges.
+    """Candidates that take the speed from Hall sensors over another number of edges.
 
-    Over all six the errors of placement cancel; over fewer the speed is younger.
+    Over all six edges the errors of placement cancel. Over fewer edges the speed has less delay.
     """
     sensor = study.drive.position_sensor
     if isinstance(sensor, Hall):
@@ -119,7 +123,7 @@ def _hall_edges(study: Study) -> Iterator[Candidate]:
 def _encoder_tables(study: Study, run: Run, metric: Metric) -> Iterator[Candidate]:
     """A candidate with a table of the sensor's largest errors, learned at the scenario's speed.
 
-    A run that is too short for the table lasts longer, if its law doesn't learn, too.
+    If the run is too short to learn the table, it is also made longer, unless its law learns.
     """
     drive, experiment = for_scenario(study, run.scenario).drive, study.scenario[run.scenario]
     sensor, slowest = drive.position_sensor, experiment.slowest
@@ -138,7 +142,7 @@ def _encoder_tables(study: Study, run: Run, metric: Metric) -> Iterator[Candidat
 
 
 def _calibrated(study: Study) -> Iterator[Candidate]:
-    """Current sensors without most of their offsets and gain errors, as firmware that measures them has."""
+    """A candidate with small offsets and gain errors, as after firmware has measured and corrected them."""
     sensors = study.drive.current_sensors
     less = {
         f"{CURRENTS}.offset": [f"{1000 * CALIBRATED_SHARE * error:.4g} mA" for error in sensors.offset],
@@ -167,7 +171,7 @@ def _quicker(study: Study) -> Iterator[Candidate]:
 
 
 def compensations(study: Study) -> Iterator[Candidate]:
-    """Candidates that compensate dead time, each in another band of the currents."""
+    """Candidates that compensate dead time, each with another `band`."""
     drive, key = study.drive, "drive.dead_time_compensation"
     for share in BANDS:
         band = f"{1000 * _round(share * drive.current_loop.current_limit):g} mA"
@@ -175,7 +179,7 @@ def compensations(study: Study) -> Iterator[Candidate]:
 
 
 def _calmer(study: Study) -> Iterator[Candidate]:
-    """Candidates with a slower current loop, which amplifies less noise, then with better sensors."""
+    """Candidates with a slower current loop, which amplifies less noise; then with better current sensors."""
     loop, sensors = study.drive.current_loop, study.drive.current_sensors
     for factor in TRIED_FACTORS:
         if isinstance(loop, CurrentLoop) and loop.bandwidth is not None:
@@ -190,7 +194,10 @@ def _calmer(study: Study) -> Iterator[Candidate]:
 
 
 def _laws(study: Study, controller: str) -> Iterator[Candidate]:
-    """A candidate with the law that learns all orders, on the same feedback if that is a PI."""
+    """A candidate with the law "harmonic", which learns all orders, on the same PI.
+
+    No candidate if the study's law already learns all orders or has no PI.
+    """
     law = study.controller[controller]
     if law.learns_every_order or not law.has_pi:
         return

@@ -2,7 +2,7 @@
 
 The controller's configuration in it is the C struct of the control library, as bytes (cogless.c_layout).
 
-Bounds for the plausibility checks of a drive's measurements; those left out of the study get defaults.
+The drive's monitor checks measurements against bounds. A bound that the study leaves out gets a default.
 
 The defaults depend only on the parameters that the controller assumes and on the sensors' data, never on
 scenarios: firmware must set them before it knows which motions will be asked for. docs/laws/monitor.md gives
@@ -32,20 +32,20 @@ from cogless.study.scenario import TorqueMode
 from cogless.units import TURN
 
 SPEED_MARGIN = 1.5  # largest plausible speed / no-load speed
-STUCK_ANGLE = 0.5  # rad
-STUCK_STEPS = 4.0  # of the sensor: a quarter of it, at which the angle is doubted, is a step
-STUCK_TIME = 0.1  # s
-STUCK_TORQUE = 0.1  # of the largest torque: a load that leaves less to turn the rotor counts as blocking it
+STUCK_ANGLE = 0.5  # rad, stuck_angle with an ideal sensor
+STUCK_STEPS = 4.0  # least stuck_angle in sensor steps: a quarter, from which an angle is doubted, is a step
+STUCK_TIME = 0.1  # s, least stuck_time
+STUCK_TORQUE = 0.1  # share of the largest torque: a load that leaves less counts as blocking the rotor
 OBSERVER_PEAK = (
-    0.80  # of bandwidth times a step of the angle, which shows as a speed: largest (3x - x^2) e^-x
+    0.80  # observer's speed after an angle step / (bandwidth times step): the largest (3x - x^2) e^-x
 )
-BRIDGE_TIME = 5e-3  # s
+BRIDGE_TIME = 5e-3  # s, default of monitor.bridge
 FORGET_TIMES = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
-HOLD_TIME = 10e-3  # s
+HOLD_TIME = 10e-3  # s, default of monitor.hold
 
 
 def sensor_ratio(drive: Drive, mechanics: Mechanics) -> float:
-    """Motor angle over position sensor's angle: the gear's ratio if the sensor is on the load, else 1."""
+    """Ratio of motor angle to position sensor angle: the gear's ratio with a sensor on the load, else 1."""
     return 1.0 if drive.position_sensor.side == "motor" else mechanics.ratio
 
 
@@ -60,7 +60,7 @@ def monitor_config(
     period = 1 / drive.rates.current_loop
     step, window, resolution = 0.0, 0.0, 0.0
     if isinstance(sensor, Counted):
-        # a jump of the angle shows in the counts of one law period; the speed from these acts in the next
+        # a jump of the angle shows in the counts of one law period; the next period uses their speed
         step, periods = sensor.step * sensor_ratio(drive, mechanics), sensor.periods(drive.rates.divider)
         samples = 1 if sensor.speed_method == "average" else 2
         window = samples * periods * period
@@ -120,9 +120,9 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
     """The engine's description of one run.
 
     `mode` "learn" is the commissioning run of an anti-cogging table. It starts at standstill, with the load
-    in [mechanics], without the scenario's load and events. Gains and assumed motor parameters, those of the
-    current loop too, are computed from the study without overrides: the controller isn't told what changes in
-    a scenario.
+    in [mechanics], without the scenario's load and events. Gains and assumed motor parameters, also those of
+    the current loop, are computed from the study without overrides: the controller doesn't know what changes
+    in a scenario.
     """
     study_here = for_scenario(study, scenario)
     experiment = study_here.scenario[scenario]
@@ -198,9 +198,9 @@ def drive_config(
 ) -> dict[str, Any]:
     """The engine's description of a drive.
 
-    `motor`: the study's motor, from which parameters that a belief leaves out are taken. `driven`: the motor
-    in this run, with overrides. `mechanics`: as the controller assumes them. `learns`: the law learns while
-    it runs, so that it needs a guard.
+    `motor`: the study's motor, whose parameters replace those that the belief leaves out. `driven`: the motor
+    in this run, with overrides. `mechanics`: as the controller assumes them. `learns`: whether the law learns
+    while it runs and so needs a guard.
     """
     values = control_config(drive, motor, driven, mechanics, learns)
     config = {
@@ -231,7 +231,7 @@ def drive_config(
 
 
 def encoder_table_config(drive: Drive, motor: StarMotor, mechanics: Mechanics) -> dict[str, Any] | None:
-    """Members of the C struct cgl_encoder_table_config, in the sensor's own revolution.
+    """Members of the C struct cgl_encoder_table_config, for angles and speeds of the sensor's own shaft.
 
     None: the study corrects no error of the sensor.
     """
@@ -330,8 +330,7 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
 
 
 def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
-    """The engine's description of a user's law. A Python object isn't in it: it is passed to the engine
-    separately."""
+    """The engine's description of a user's law. The engine gets a Python object separately."""
     law = study.controller[name]
     return {**law.own_code(study.source.folder, asdict(known_drive(study))), **_any_law(law)}
 
@@ -341,7 +340,7 @@ def _any_law(law: Base) -> dict[str, Any]:
 
 
 def _filled(study: Study, study_here: Study, name: str) -> Base:
-    """A controller with the gains from its tuning rule and the default limits from the drive filled in."""
+    """A copy of a controller with the gains of its tuning rule, and with default limits from the drive."""
     if name in missing(study):
         where = f"{study.source.path}: controller.{name}.tuning"
         raise StudyError(f"{where}: expected a study from cogless.load, which applies the rule auto")

@@ -1,13 +1,13 @@
 """What limits a run: the run is repeated without one cause at a time, then with changes that may help.
 
-A cause is a difference between the drive and an ideal one, such as the steps of its position sensor. Its
-share of a result x is 1 - (x_without / x)^2. Shares of independent causes add up to one; shares of causes
-that act on each other don't. A sensor without delay has neither steps nor errors. So the share of delay
-compares two runs that both lack steps and errors.
+A cause is a difference between the drive and an ideal one, such as the steps of its position sensor. A
+cause's share of a result x is 1 - (x_without / x)^2. Shares of independent causes add up to one; shares of
+causes that act on each other don't. A sensor without delay has neither steps nor errors. So the share of
+delay compares two runs that both lack steps and errors.
 
 Two causes may hide each other: then neither has a share alone. So the largest causes are also removed in
-pairs, unless single ones explain the result. That torque ripple is not rejected explains nothing of a law
-that learns to reject it.
+pairs, unless single causes explain the result. Torque ripple is no such explanation with a law that learns,
+since learning should reject it.
 
 A change that may help is tried only against a cause with a clear share. All these runs have the study's seed.
 """
@@ -36,15 +36,15 @@ from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes, split, with_tables
 from cogless.units import ANGLE, ANGULAR_SPEED
 
-MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
+MEAN_SHARE_MOST = 0.05  # largest mean speed error / top reference with which a run holds its speed
 MEAN_ERROR = "limits_mean_error"
-SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothing to gain
-MOST_SHARE = 0.5  # a cause with this share of the square is most of it
-PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
-CLEARLY_WORSE = 1.5  # ratio to a metric's value before
+SPEED_SHARE_LEAST = 1e-4  # speed ripple / top reference, below which nothing is left to gain
+MOST_SHARE = 0.5  # share of the result's square that counts as most of it
+PAIRED_CAUSES = 4  # number of the largest causes, which are also removed in pairs
+CLEARLY_WORSE = 1.5  # metric's value after a change / before the change
 PLANT_TABLES = ("motor", "drive", "mechanics")  # tables that a scenario may override
 OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
-STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
+STEP_SHARE_LEAST = 0.01  # angle ripple / position sensor's step, below which nothing is left to gain
 
 
 def limits(
@@ -55,11 +55,11 @@ def limits(
     jobs: int | None = None,
     traces: Path | None = None,
 ) -> Limits | None:
-    """What limits a finished run, judged by a metric that is better when lower, or by one of its orders.
+    """What limits a finished run, judged by a metric that is better when lower.
 
-    `jobs`: runs at a time, default one per core. `traces`: a folder with room for traces that are too long
-    for memory. None: the run has no value of this metric, or the value is negligible. KeyboardInterrupt: the
-    user pressed Ctrl-C.
+    `order`: the order that judges, of a metric with several orders. `jobs`: runs at a time, default one per
+    core. `traces`: a folder with room for traces that are too long for memory. None: the run has no value of
+    this metric, or the value is negligible. KeyboardInterrupt: the user pressed Ctrl-C.
     """
     tries = _Tries(study, run, metric, order, jobs, traces)
     value = tries.value_of(run.metrics)
@@ -106,9 +106,10 @@ def beside_learner(
     jobs: int | None = None,
     traces: Path | None = None,
 ) -> Limits:
-    """The same limits, with what the advised changes leave with a law that learns.
+    """Return `limited` with the metric's values of a learning law's run after each advised change.
 
-    `holds`: whether that law's run held the speed. A change of the best controller's own keys is not tried.
+    `learner`: the run of that law. `holds`: whether this run held the speed. Changes of the limited
+    controller's own keys are not tried.
     """
     tries = _Tries(study, learner, metric, limited.order, jobs, traces)
     of_drive = [cure for cure in limited.advised if not cure.of_law]
@@ -124,7 +125,10 @@ def beside_learner(
 
 
 def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limits) -> list[Cure]:
-    """The changes that were tried against the named causes, the best first."""
+    """Try changes against the named causes; return those whose run gave a value, the best first.
+
+    A change that the whole study refuses is left out.
+    """
     clear = dict.fromkeys(name for cause in limited.named[:NAMED_MOST] for name in cause.names)
     options = [(cause, candidate) for cause in clear for candidate in candidates(study, run, metric, cause)]
     changes = [tries.placed(option.changes) for _, option in options]
@@ -169,7 +173,7 @@ def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value])
 
 
 def _negligible(study: Study, scenario: str, metric: Metric) -> float:
-    """The metric's value, SI, below which a smaller one is no gain."""
+    """The metric's value, SI, below which a further reduction is no gain."""
     if metric.dimension is ANGULAR_SPEED:
         return SPEED_SHARE_LEAST * study.scenario[scenario].top_reference
     sensor = for_scenario(study, scenario).drive.position_sensor
@@ -179,7 +183,7 @@ def _negligible(study: Study, scenario: str, metric: Metric) -> float:
 
 
 class _Tries:
-    """Runs of one controller in one scenario, each of the study with other changes."""
+    """Runs of one controller in one scenario, each with other changes of the study."""
 
     def __init__(
         self,
@@ -240,10 +244,10 @@ class _Tries:
         return self.placed({**suspect.companions, **suspect.without}, suspect.controller_knows)
 
     def placed(self, changes: Changes, is_assumed: bool = True) -> dict[str, Any]:
-        """The changes, repeated in the scenario's override where the override sets the same keys.
+        """The changes, each placed where it takes effect: in the study, or in the scenario's override.
 
-        `is_assumed`: whether the controller knows of them. If not, changes of the drive are only in the
-        override.
+        A key that the override sets is changed there. `is_assumed`: whether the controller knows of the
+        changes. If not, changes of motor, drive and mechanics are placed only in the override.
         """
         scenario, override = self._run.scenario, self._override
         over = {tuple(map(str, split(key))) for key in override}
@@ -266,15 +270,15 @@ class _Tries:
 
     @cached_property
     def _alone(self) -> Study:
-        """The study of this run alone, without the numbers of the rule auto.
+        """The study with this run's controller alone, without the numbers of the rule auto.
 
-        Its first metric judges the run. Its last metric shows whether the speed is held.
+        The first metric judges the run. The last metric shows whether the speed is held.
         """
         return self._with_metrics(self._study.metrics_in(self._run.scenario))
 
     @cached_property
     def _at_samples(self) -> Study:
-        """The same, without other metrics that need rows between the samples of the currents."""
+        """As `_alone`, but without metrics that need rows between current samples, save the judging one."""
         metrics = self._study.metrics_in(self._run.scenario)
         return self._with_metrics([m for m in metrics if not m.between_samples])
 
@@ -322,7 +326,7 @@ class _Tries:
         experiment = self._study.scenario[self._run.scenario]
         begin, end = self._metric.span(experiment.duration) or (0.0, experiment.duration)
         if experiment.torque_mode is not None and experiment.torque_mode.acts_within(begin, end):
-            return True  # there the speed is an outer loop's
+            return True  # in torque mode an outer loop determines the speed
         mean = next((value for name, value in metrics.items() if name.startswith(MEAN_ERROR)), None)
         most = MEAN_SHARE_MOST * experiment.top_reference
         return isinstance(mean, float) and abs(mean) <= most if most else True

@@ -1,7 +1,7 @@
 """Controllers of a user: find the Python class or shared library, create the object, report where it
 failed.
 
-What a user's own law is told about the drive: the numbers that a rule for its gains needs.
+A user's own law may ask for numbers of the drive, from which a rule can compute its gains.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class KnownDrive:
 
     pole_pairs: int
     phases: int  # 2 or 3
-    slots: int  # of the stator; 0: the study doesn't tell
+    slots: int  # slots of the stator; 0: the study doesn't have the number
     R_s: float  # ohm, of a phase
     L_d: float  # H
     L_q: float  # H
@@ -46,7 +46,7 @@ class KnownDrive:
 
 
 def known_drive(study: AnyStudy) -> KnownDrive:
-    """What a controller of a drive is told."""
+    """The drive as the study's controllers know it."""
     motor, mechanics, drive = study.motor, study.mechanics, study.drive
     assert motor is not None and mechanics is not None and drive is not None
     star, period = motor.star(), 1 / drive.rates.current_loop
@@ -70,7 +70,7 @@ def known_drive(study: AnyStudy) -> KnownDrive:
 
 RETURNS = "step() returns i_q_ref or (i_d_ref, i_q_ref)"
 LOADING = threading.RLock()  # guards sys.path and sys.modules, which all threads share
-NOT_A_NUMBER = "std::bad_cast"  # the engine's message about a returned value that it can't use
+NOT_A_NUMBER = "std::bad_cast"  # the engine's message about a returned value that isn't as RETURNS says
 
 
 def make_law(study: AnyStudy, name: str) -> Any | None:
@@ -103,7 +103,7 @@ def _takes_drive(maker: Any) -> bool:
     """Whether a class has an argument `drive`."""
     try:
         return "drive" in inspect.signature(maker).parameters
-    except (TypeError, ValueError):  # no class, or one in C
+    except (TypeError, ValueError):  # not a class, or a class written in C
         return False
 
 
@@ -118,7 +118,7 @@ def _reporting(where: str, path: Path, expected: str) -> Iterator[None]:
 
 
 def _module(path: Path) -> ModuleType:
-    """Load the file as a new module. Modules that it imports from its own folder are new, too."""
+    """Load the file as a new module. Modules that the file imports from its own folder are new, too."""
     name = f"cogless_law_{path.stem}_{hash(path):x}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -164,9 +164,9 @@ def _raise_exit(status: int) -> NoReturn:
 
 @contextmanager
 def no_exit() -> Iterator[None]:
-    """Let os._exit raise SystemExit as sys.exit does, so that a law which calls it fails and ends no process.
+    """Let os._exit raise SystemExit as sys.exit does, so that a law that calls it fails and ends no process.
 
-    For a process that is a command's or a worker's own, since this is for all of its threads.
+    This changes os._exit for all threads, so use it only in a process of a command or of a worker.
     """
     before, os._exit = os._exit, _raise_exit
     try:
@@ -176,15 +176,15 @@ def no_exit() -> Iterator[None]:
 
 
 def is_failure(error: BaseException) -> bool:
-    """Whether an exception is a failure of the law. A KeyboardInterrupt in the main thread isn't: it is
-    Ctrl-C."""
+    """Whether an exception is a failure of the law. A KeyboardInterrupt in the main thread is Ctrl-C, and no
+    failure."""
     if isinstance(error, KeyboardInterrupt):
         return threading.current_thread() is not threading.main_thread()
     return True
 
 
 def describe(error: BaseException, path: Path | None) -> str:
-    """An exception as text in one line, with the line number in the user's file that it came from."""
+    """An exception as text in one line, with the number of the line in the user's file that raised it."""
     message = " ".join(str(error).split())
     if message in (NOT_A_NUMBER, RETURNS):
         return f"{path.name}: {RETURNS}" if path else RETURNS
@@ -199,21 +199,23 @@ def describe(error: BaseException, path: Path | None) -> str:
 
 
 def _line(error: BaseException, path: Path | None) -> str:
-    """File name and last line of the user's file that an exception passed through; empty if there is none."""
+    """File name and the last line of the user's file in an exception's traceback; "" if there is none."""
     frames = traceback.extract_tb(error.__traceback__) if path else []
     lines = [f.lineno for f in frames if path and Path(f.filename).resolve() == path.resolve()]
     return f"{path.name} line {lines[-1]}: " if path and lines else ""
 
 
 def _unknown_field(message: str, inputs: type) -> str:
-    """The message about an unknown field of a law's inputs, with its valid ones; the class by its name alone
-    (Python 3.13 says its module too)."""
+    """The message about an unknown field of a law's inputs, with the valid fields added.
+
+    Python 3.13 names the class with its module, which is removed.
+    """
     fields = ", ".join(name for name in vars(inputs) if not name.startswith("_"))
     return f"{message.replace(f'{inputs.__module__}.', '')}: expected one of {fields}"
 
 
 def _find(study: AnyStudy, key: str, file: str, value: str | None = None) -> Path:
-    """Path of a user's file, which is given relative to the study; StudyError if there is none."""
+    """Path of a user's file. `file`: relative to the study. StudyError: there is no such file."""
     path = study.source.folder / file
     if not path.is_file():
         raise StudyError(f'{study.source.path}: {key}: "{value or file}": expected a file at {path}')

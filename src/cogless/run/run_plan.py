@@ -1,6 +1,6 @@
 """Plan of a run: one controller in one scenario, prepared for the engine.
 
-Load what a law begins with: a map that was learned before, or a table of current or torque.
+A law may begin with a map that was learned before, or with a table of current or torque. This is loaded here.
 
 Helpers of a run: the engine's modules, simulation in short pieces, failures as one-line errors.
 """
@@ -37,8 +37,8 @@ from cogless.study.laws.law import Base, Start
 def starting_map(study: Study, controller: str, law: Base, drive: Any) -> learned_map.Real:
     """The entries of a law's map at the start of a run, (channels, cells).
 
-    `drive`: the engine's, with this law. StudyError: the file is no map, the map does not fit the law, or a
-    user's law refuses it.
+    `drive`: the engine's drive with this law. StudyError: the file is no map, the map does not fit the law,
+    or a user's law refuses the map.
     """
     start = law.begins_with
     assert start is not None
@@ -54,7 +54,7 @@ def starting_map(study: Study, controller: str, law: Base, drive: Any) -> learne
         entries = learned_map.entries(source, own, law.unit)
         if law.code is not None:
             with _law_failures(study, controller, where):
-                drive.load_map(state, entries)  # it may refuse it: before the first run
+                drive.load_map(state, entries)  # a user's law may refuse the map: found before the first run
         return entries
     except MapError as error:
         raise StudyError(f"{where}{error}") from None
@@ -83,7 +83,7 @@ def _newest(study: Study, name: str) -> StoredMap:
 
 
 def _of_table(study: Study, start: Start) -> StoredMap:
-    """The table as the map of a current over its revolution."""
+    """A table of current or torque as a map of current, A, over the revolution of the table."""
     table = start.over_angle
     cells, parts = len(table.angle), study.motor.pole_pairs if start.frame == "electrical" else 1
     amplitude, phase = np.transpose(table.harmonics((cells - 1) // 2))
@@ -99,7 +99,7 @@ def _of_table(study: Study, start: Start) -> StoredMap:
     )
 
 
-REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
+REFUSALS = (ValueError, RuntimeError, MemoryError)  # the engine raises exactly these about a study
 NEVER_LEARNS = 1e9  # s, a learning_start that never comes
 PROGRESS_PERIOD = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
@@ -107,9 +107,10 @@ RunProgress = Callable[[float], None]
 
 
 def compiled(study: AnyStudy) -> Any:
-    """Return the simulator, compiled around control laws of this study's precision.
+    """Return the simulator that is compiled with control laws of this study's precision.
 
-    Raises StudyError if cogless was built without it: `make demo` builds that in single precision alone.
+    StudyError: cogless was built without this simulator, as by `make demo`, which builds single precision
+    alone.
     """
     if study.precision == "single":
         return import_module("cogless._simulator_f32")
@@ -131,11 +132,10 @@ class Stopped(Exception):  # noqa: N818, it isn't an error
 def failures(
     study: AnyStudy, scenario: str, controller: str, when: Callable[[], str] = str
 ) -> Iterator[None]:
-    """Turn what a call of the engine raises into a StudyError of one line: the engine's refusal, or any
-    exception of a user's law.
+    """Turn the engine's refusal, or any exception of a user's law, into a StudyError of one line.
 
-    Any other exception is a defect of cogless, and goes on. So only calls of the engine belong in here.
-    `when`: returns the time in the run, or "".
+    Any other exception is a defect of cogless and passes through. So only calls of the engine belong in this
+    context. `when`: returns the time in the run, or "".
     """
     try:
         yield
@@ -159,7 +159,10 @@ def memory_enough(study: AnyStudy, scenario: str, controller: str) -> Iterator[N
 
 
 def advance(run: Callable[[int], None], ticks: int, progress: RunProgress, stop: Event) -> None:
-    """Call `run` for all ticks, in pieces of about PROGRESS_PERIOD, with progress reports; see `stop`."""
+    """Call `run` for all ticks, in pieces of about PROGRESS_PERIOD. Report progress after each piece.
+
+    Raises Stopped before the next piece once `stop` is set.
+    """
     done, piece = 0, 1000
     while done < ticks:
         if stop.is_set():
@@ -183,8 +186,8 @@ def trace_of(drive: Any, recorder: Any) -> Trace:
 class Plan:
     """A run that is ready to start.
 
-    `engine`: the engine's Python module. `description`: the run as the engine reads it. `learned`: what
-    the law's map has at the start, channels of entries, or None. `design`: gains of a law of trials, else
+    `engine`: the engine's Python module. `description`: the run as the engine reads it. `learned`: entries of
+    the law's map at the start, by channel; None: nothing is loaded. `design`: gains of a law of trials, else
     None.
     """
 
@@ -192,7 +195,7 @@ class Plan:
     scenario: str
     controller: str
     engine: Any
-    drive: Any  # or the engine's linear plant
+    drive: Any  # the engine's drive, or its linear plant
     description: dict[str, Any]
     ticks: int
     rate: float  # ticks per second: current-loop periods, or samples of a linear plant
@@ -201,7 +204,7 @@ class Plan:
     rows_per_period: int = 1  # rows of the trace per tick, where there are several
     design: TrialDesign | None = None
     learned: Any = None
-    in_step: bool = True  # whether it may run in step with plans that are alike
+    in_step: bool = True  # whether the run may be computed in step with plans that are alike
 
     def start(self) -> Any:
         """The state at time zero, with `learned` loaded into the law's memory."""
@@ -269,7 +272,7 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
     )
     with failures(study, scenario, controller):
         drive = engine.Drive(description, law)
-        drive.stored(drive.start())  # what a user's law tells may be no map: found before it runs
+        drive.stored(drive.start())  # a user's law may return no valid map: found before the run
     return Plan(
         study=study,
         scenario=scenario,
@@ -282,9 +285,9 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
 
 
 def learning_off_plan(study: Study, scenario: str, controller: str) -> Plan | None:
-    """The same run with the same gains, in which the law never learns.
+    """Plan a run with the study's gains in which the law never learns.
 
-    None: the law does not learn during a run, or begins with what was learned before.
+    None: the law does not learn during a run, or begins with a map or table that was learned before.
     """
     law = study.controller[controller]
     if not law.learns or law.begins_with is not None or law.commissioning is not None:
@@ -300,10 +303,10 @@ def learning_off_plan(study: Study, scenario: str, controller: str) -> Plan | No
 
 
 def feedback_plan(study: TrialStudy, planned: Plan) -> Plan | None:
-    """The same controller without learning, one trial in each phase; None if it doesn't learn by a design.
+    """Plan a run of the same controller without learning, with one trial in each phase.
 
-    Where trials differ at random it has all trials. Faults happen at times of the whole run, so with faults
-    there is none either.
+    Where trials differ at random, the plan has all trials. None: the controller doesn't learn by a
+    design, or the scenario has faults, which happen at times of the whole run.
     """
     scenario, design = planned.scenario, planned.design
     if design is None or study.scenario[scenario].faults:

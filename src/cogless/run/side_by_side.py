@@ -12,15 +12,15 @@ from threading import Event, Thread
 from typing import TypeVar
 
 T = TypeVar("T")
-GRACE_TIME = 1.0  # s that running tasks have to end after Ctrl-C
+GRACE_TIME = 1.0  # s, in which running tasks may end after Ctrl-C
 THREAD_NAME = "cogless-run"
 
 
 def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> list[Future[T]]:
     """Run tasks in threads, `jobs` at a time, and return their futures in order.
 
-    Ctrl-C sets `stop`; some futures then stay open. The threads are daemons. Python would wait at exit for
-    the threads of an executor, so a task that sleeps or never returns would keep the command from ending.
+    Ctrl-C sets `stop`; some futures then stay open. The threads are daemons, for which Python doesn't wait at
+    exit. With an executor's threads, a task that sleeps or never returns would keep the command from ending.
     """
     futures: list[Future[T]] = [Future() for _ in tasks]
     waiting = deque(zip(tasks, futures, strict=True))
@@ -43,7 +43,7 @@ def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> li
         wait(futures)
     except KeyboardInterrupt:
         stop.set()
-        with suppress(KeyboardInterrupt):  # pressed again: at once
+        with suppress(KeyboardInterrupt):  # Ctrl-C pressed again ends the wait
             _join(threads)
     return futures
 

@@ -34,8 +34,8 @@ class RunError(StudyError):
     """A run that failed, for example because its controller returned NaN. The other runs are kept.
 
     `results`: finished runs of the first study with a failed run. `all_results`: finished runs of every study
-    of a rollout, in its order; studies that lack a run have `interrupted` set. `all_errors`: of every study
-    of a rollout, why a run failed, by scenario and controller.
+    of a rollout, in the order of the studies; a study that lacks a run has `interrupted` set. `all_errors`:
+    for every study of a rollout, why runs failed, by scenario and controller.
     """
 
     def __init__(
@@ -51,8 +51,8 @@ class RunError(StudyError):
         self.all_errors = list(all_errors)
 
 
-class RunDefect(Exception):  # noqa: N818, it says whose error it is
-    """A run that a defect of cogless ended, which is the cause of this exception. The other runs are kept.
+class RunDefect(Exception):  # noqa: N818, the name says whose error it is
+    """A defect of cogless ended a run. The defect's own exception is the cause. The other runs are kept.
 
     `results`: finished runs of the first study with such a run.
     """
@@ -74,9 +74,9 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: RunProgr
 
 
 def learning_off(study: Study, scenario: str, controller: str, traces: Path | None = None) -> Run | None:
-    """The same run with the same gains, in which the law never learns; None if its law has no such run.
+    """Make a run with the study's gains in which the law never learns; None if `learning_off_plan` is None.
 
-    `traces` and Ctrl-C as in run_study, but Ctrl-C raises KeyboardInterrupt. StudyError: the run failed.
+    `traces`: as in run_study. Ctrl-C raises KeyboardInterrupt. StudyError: the run failed.
     """
     planned, stop = learning_off_plan(study, scenario, controller), Event()
     if planned is None:
@@ -119,9 +119,9 @@ def run_study(
     """Run every controller in every scenario, or only the runs that match `only`.
 
     `only`: patterns SCENARIO/CONTROLLER, with * and ?. `traces`: a folder with room for traces that are too
-    long for memory: they are in files without names there. Ctrl-C ends it early: finished runs are returned,
+    long for memory; nameless files there hold them. Ctrl-C ends the study early: finished runs are returned,
     with `interrupted` set. A controller of trials that can't be designed doesn't run; the results say why.
-    StudyError: none can. RunError: a run failed; all others are finished.
+    StudyError: no controller can be designed. RunError: a run failed; all other runs are finished.
     """
     room = TraceRoom(traces) if traces is not None else None
     asked_pairs = runs_of(study, only)
@@ -144,13 +144,13 @@ def rollout(
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
     Variants whose drives are alike are computed in step, as many as the processor has lanes for, and give the
-    bits of a run alone. Switched inverters, laws in Python, loads from tables, and trials go alone;
-    `Run.lanes` tells which way it was.
+    bits of a run alone. Switched inverters, laws in Python, loads from tables, and trials run alone.
+    `Run.lanes` is the number of runs that were computed in step.
 
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
     once its metrics are computed, so that thousands of runs fit into memory. `traces` and Ctrl-C as in
     run_study.
-    RunError: a run failed, or could not be prepared; all others are finished, and in its `all_results`.
+    RunError: a run failed, or could not be prepared; its `all_results` has all other runs, finished.
     """
     room = TraceRoom(traces) if traces is not None else None
     refused: dict[tuple[int, Pair], StudyError] = {}
@@ -171,9 +171,9 @@ def _rollout(
     keep_traces: bool,
     room: TraceRoom | None = None,
 ) -> list[AnyResults]:
-    """Make these runs of studies with their designs.
+    """Make the given runs of each study with its designs; return each study's results.
 
-    `refused`: why a run can't be prepared, by the place of its study and the run's names.
+    `refused`: why a run can't be prepared, by the study's place in `studies` and the run's names.
     """
     stop = Event()
     all_runs = [
@@ -201,7 +201,7 @@ def _rollout(
 
 
 class _Pending:
-    """A run to make. `outcome`: what came of it, None as long as it isn't done."""
+    """A run to make. `outcome`: the finished run or its error; None as long as the run isn't done."""
 
     def __init__(
         self,
@@ -216,9 +216,10 @@ class _Pending:
 
 
 def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
-    """Runs of one duration together, as many as the engine has lanes; some for each job, the longest first.
+    """Group runs of equal duration, the longest first.
 
-    Those of one scenario and controller are neighbours: they are the likeliest to be alike.
+    A group has at most one run per lane of the engine, and at most a job's share of all runs. Runs of one
+    scenario and controller are neighbours, since they are the likeliest to be alike.
     """
     (_, lanes), *_ = import_module("cogless._simulator_f32").lane_kernels()
     most = max(1, min(lanes, -(-len(runs) // jobs)))
@@ -248,7 +249,7 @@ def _together(members: Sequence[_Pending], stop: Event, room: TraceRoom | None) 
 
 
 def _hand_over(group: Future[list[Run | StudyError]], members: Sequence[_Pending]) -> None:
-    """Give each run its part of what its group made; with Ctrl-C, it may have made nothing."""
+    """Set each run's outcome from its group's; after Ctrl-C, the group may not be done and sets nothing."""
     if not group.done():
         return
     failure = group.exception()
@@ -264,10 +265,9 @@ def _without_trace(run: Run | StudyError) -> Run | StudyError:
 
 
 def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    """Compute the designs for these runs of trials, and load each user's controller and each starting map
-    once.
+    """Compute the designs of these runs, and load each user's controller and each starting map once.
 
-    So a missing file or class is found before the first run.
+    So a missing file or class is found before the first run. Only runs of trials have designs.
     """
     for controller, scenario in {controller: scenario for scenario, controller in reversed(runs)}.items():
         law = study.controller[controller]
@@ -357,7 +357,7 @@ def _collected(
 
 
 def _is_defect(outcome: Run | BaseException | None) -> bool:
-    """Whether a run ended with an error of cogless itself: no user's mistake, and not by Ctrl-C."""
+    """Whether a run ended by an error of cogless itself, neither by a user's mistake nor by Ctrl-C."""
     return isinstance(outcome, BaseException) and not isinstance(outcome, StudyError | Stopped)
 
 

@@ -1,4 +1,4 @@
-"""Causes that may limit a run. Each is a change of the study that removes the cause."""
+"""Causes that may limit a run, each with the change of the study that removes the cause."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
 from cogless.study.reading import Changes
 
-LONGER_FACTOR = 4  # factor on the scenario's duration that shows what has not been learned yet
+LONGER_FACTOR = 4  # factor on the scenario's duration: a longer run shows what was not learned yet
 LARGER_FACTOR = 4  # factor on the limits of current and voltage
-RULE_INPUTS = ("delay", "belief")  # causes that change the gains a rule gives
-REST_SHARE = 0.05  # of the largest speed; below it the rotor is near standstill
-FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a word that shows an angle
+RULE_INPUTS = ("delay", "belief")  # causes whose removal changes the gains that a tuning rule gives
+REST_SHARE = 0.05  # share of the largest speed, below which the rotor is near standstill
+FINE_LINES, FINE_BITS = 10_000_000, 31  # lines of the finest encoder, bits of the finest angle word
 SENSOR, INVERTER, LOOP, CURRENTS = (
     f"drive.{table}" for table in ("position_sensor", "inverter", "current_loop", "current_sensors")
 )
@@ -32,8 +32,8 @@ ROWS_KEY = "trace.rate"
 class Suspect:
     """A cause in a study.
 
-    `without`: changes that remove the cause. `companions`: changes of both runs that are compared, with the
-    cause and without it. `controller_knows`: whether the controller knows that the cause is gone.
+    `without`: changes that remove the cause. `companions`: changes that both compared runs have, the run with
+    the cause and the run without it. `controller_knows`: whether the controller knows that the cause is gone.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Suspect:
 
 
 def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
-    """The causes in a run's scenario. `metric`: the one that judges the run."""
+    """The causes in a run's scenario. `metric`: judges the run."""
     own_study = for_scenario(study, run.scenario)
     steps, error = _steps(own_study), _error(own_study)
     clean = {**steps, **error}
@@ -69,7 +69,7 @@ def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
 
 
 def _steps(study: Study) -> Changes:
-    """The change to the finest position sensor that a study can describe, as late as the study's own."""
+    """The change to the finest sensor of the study's kind and delay; from Hall sensors to an ideal sensor."""
     sensor = study.drive.position_sensor
     if isinstance(sensor, Hall):
         return {SENSOR: {"kind": "ideal"}}
@@ -90,7 +90,7 @@ def _error(study: Study) -> Changes:
 
 
 def _delay(study: Study) -> Changes:
-    """The change to a drive without delay of speed, bus and computation; a rule gives gains for it."""
+    """The change to a drive whose sensor, speed filter, bus and computation have no delay."""
     drive, changes = study.drive, dict[str, Any]()
     if isinstance(drive.position_sensor, Hall | Counted):
         changes[SENSOR] = {"kind": "ideal", "side": drive.position_sensor.side}
@@ -136,15 +136,20 @@ def _current_error(study: Study) -> Changes:
 
 
 def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Changes:
-    """The change to a longer run, judged at its end; empty if it isn't comparable or nothing learns."""
+    """The changes to a longer run that is judged at its end.
+
+    Empty if the law doesn't learn, or if the longer run can't be compared with the study's.
+    """
     if not study.controller[controller].learns_while_running:
         return {}
     return later(study, scenario, metric, (LONGER_FACTOR - 1) * study.scenario[scenario].duration)
 
 
 def later(study: Study, scenario: str, metric: Metric, more: float) -> Changes:
-    """A run that lasts `more` longer, s, judged at its end; nothing if that can't be compared, as with a
-    reference that varies."""
+    """The changes to a run that lasts longer by `more`, s, and is judged at its end.
+
+    Empty if the two runs can't be compared, for example with a reference that varies.
+    """
     experiment = study.scenario[scenario]
     steady = experiment.reference.kind in ("constant", "ramp") and experiment.torque_mode is None
     if not steady or metric.event is not None:
@@ -186,7 +191,11 @@ def _disturbance(study: Study, scenario: str) -> Changes:
 
 
 def _friction(study: Study, run: Run) -> Changes:
-    """The change that removes sliding friction if it varies, with angle or speed or as the rotor rests."""
+    """The changes that remove sliding friction.
+
+    Empty if friction is constant: it depends on neither angle nor speed, the rotor never rests, and there
+    is no load side.
+    """
     body = study.mechanics
     changes = body.stribeck_speed or body.friction_harmonics or body.friction_table or body.load_side
     if not changes and len(run.trace):
@@ -212,7 +221,7 @@ def _friction(study: Study, run: Run) -> Changes:
 
 
 def _limit(study: Study, run: Run) -> Changes:
-    """The change to higher limits of current and voltage, if the run's second half reached one of them."""
+    """The changes to higher limits of current and voltage; empty if the run's second half reached none."""
     if "status" not in run.trace or not len(run.trace):
         return {}
     status = run.trace.part("status", slice(len(run.trace) // 2, None)).astype(int)

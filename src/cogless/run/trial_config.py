@@ -23,8 +23,8 @@ def engine_config(
     """The engine's description of one run, with the complete conditions of each phase.
 
     `design`: gains of a law of trials; None for a user's law. Gains and assumed motor parameters come from
-    the study without overrides: the controller isn't told what changes between trials. StudyError: the design
-    has no learning gain.
+    the study without overrides: the controller doesn't know what changes between trials. StudyError: the
+    design found no learning gain.
     """
     if design is not None and design.no_K_3 is not None:
         raise design.no_K_3
@@ -89,7 +89,7 @@ def _law(study: TrialStudy, scenario: str, name: str, design: TrialParameters) -
             "response": design.gains.observer.response if design.gains.observer else 0.0,
             "pole": design.gains.observer.pole if design.gains.observer else 0.0,
         },
-        "learning_matrix": None,  # apart, below
+        "learning_matrix": None,  # not in the C struct: it is an entry of its own, below
         "limit": limit,
         "learned_limit": law.learned_limit,
         "unguarded": not law.guard,
@@ -126,7 +126,10 @@ def _drive_phase(
 
 
 def _each_trial(conditions: TrialConditions, states: int) -> dict[str, Any] | None:
-    """Deviations of each trial; None where all are alike. `states`: of a linear plant, or 0."""
+    """Form and size of each random deviation between trials; None if all trials are alike.
+
+    `states`: number of a linear plant's states; 0 for a drive.
+    """
     spread = conditions.each_trial
     if spread is None or spread.empty:
         return None

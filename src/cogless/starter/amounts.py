@@ -7,7 +7,7 @@ import math
 from cogless import units
 from cogless.units import Dimension
 
-# Units from the largest to the smallest; a value takes the first of which it is `LEAST_AMOUNT` or more.
+# Units from the largest to the smallest. A value is written in the first unit in which it is not too small.
 SHORT_UNITS: dict[Dimension, tuple[str, ...]] = {
     units.TORQUE: ("N*m", "mN*m", "uN*m"),
     units.CURRENT: ("A", "mA", "uA"),
@@ -22,14 +22,14 @@ SHORT_UNITS: dict[Dimension, tuple[str, ...]] = {
     units.TORQUE_CONSTANT: ("N*m/A", "mN*m/A"),
     units.INERTIA: ("kg*m^2",),
 }
-LEAST_AMOUNT = 0.1
-LEAST_DURATION = 1.0
-LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e9  # numbers beyond are written with a power of ten
-FINE_DIGITS = 3
+LEAST_AMOUNT = 0.1  # least number in such a unit
+LEAST_DURATION = 1.0  # least number in a unit of time
+LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e9  # smaller and larger numbers have a power of ten
+FINE_DIGITS = 3  # significant digits of a number, unless a caller wants more
 
 
 def unit_for(value: float, dimension: Dimension) -> str:
-    """The unit in which a value of this size is short."""
+    """The unit of this dimension in which a value, SI, is a short number."""
     choices = SHORT_UNITS[dimension]
     if dimension is units.FREQUENCY:  # whole numbers, since rates must be whole
         return next((unit for unit in choices[:-1] if value >= units.factor(unit, dimension)), choices[-1])
@@ -40,7 +40,7 @@ def unit_for(value: float, dimension: Dimension) -> str:
 
 
 def digits(value: float, count: int = FINE_DIGITS) -> str:
-    """A number with so many significant digits, as short as it can be written."""
+    """A number as text, rounded to `count` significant digits, as short as it can be written."""
     text = f"{value:.{count}g}"
     number = float(text)
     if number == 0 or LEAST_PLAIN <= abs(number) < MOST_PLAIN:
@@ -50,13 +50,13 @@ def digits(value: float, count: int = FINE_DIGITS) -> str:
 
 
 def amount(value: float, dimension: Dimension, unit: str = "", count: int = FINE_DIGITS) -> str:
-    """A value in SI as text with a unit, such as "4 mN*m"; `unit`: "" for the one that suits."""
+    """A value in SI as text with a unit, such as "4 mN*m"; `unit`: "": `unit_for` chooses it."""
     unit = unit or unit_for(value, dimension)
     return f"{digits(units.convert(value, unit, dimension), count)} {unit}"
 
 
 def exact_rate(hertz: float) -> str:
-    """A whole rate as text that says all of its digits, such as "12.345 kHz"."""
+    """A whole rate, Hz, as text with all its digits, such as "12.345 kHz"."""
     unit = "kHz" if hertz >= 1000 else "Hz"
     return f"{hertz / (1000 if unit == 'kHz' else 1):.9g} {unit}"
 

@@ -1,6 +1,6 @@
-"""Settings of the drive with which the law that learns leaves less, by runs.
+"""Settings of the drive with which the learning law leaves less ripple, found by runs.
 
-They are those that `cogless run` tries against what limits a run. So it need not advise them any more.
+`cogless run` tries the same settings against what limits a run. So it has no cause to advise them later.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cogless.study.reading import Changes
 def better_settings(study: Study, compensates: bool) -> dict[str, Any]:
     """The observer, the compensation of dead time, or both, with which `harmonic` leaves clearly less.
 
-    The better one comes first, the other must help beside it. {}: neither leaves clearly less.
+    The better one is taken first; the other is added if it helps clearly, too. {}: neither helps.
     `compensates`: whether the drive's firmware may compensate its dead time.
     """
     (scenario,) = study.scenario

@@ -11,13 +11,13 @@ from cogless.starter.motor_sections import MotorFacts
 from cogless.starter.request import NUMBERS, Request
 from cogless.units import Dimension
 
-UNUSUAL_FACTOR = 2.0  # beyond an end of the class's range
-UNLIKELY_FACTOR = 50.0  # beyond it, with which a number is doubted
-LIKELY_FACTOR = 5.0  # within which another unit is what was meant
+UNUSUAL_FACTOR = 2.0  # times an end of the class's range: a number beyond is called unusual
+UNLIKELY_FACTOR = 50.0  # times an end: a number beyond is doubted
+LIKELY_FACTOR = 5.0  # times an end: another unit that brings a number within is proposed
 OTHER_UNITS: dict[Dimension, tuple[str, ...]] = {units.INERTIA: ("kg*m^2", "kg*cm^2", "g*cm^2")}
-OF_THE_SIZE = ("rated-torque", "holding-torque", "rated-current")
-LOAD_INERTIA_MOST = 10.0  # of a load / that of its rotor, by a usual rule for the choice of servo motors
-SLOTS_NEAR = 6  # slots, up and down, among which those of a balanced winding are looked for
+OF_THE_SIZE = ("rated-torque", "holding-torque", "rated-current")  # answers that give the size
+LOAD_INERTIA_MOST = 10.0  # load / rotor, by a usual rule for the choice of servo motors
+SLOTS_NEAR = 6  # slots up or down: the search for a balanced winding goes no farther
 STAR_PHASES = 3
 OWN = "own"  # the class of a motor that is described by its numbers alone
 
@@ -33,7 +33,7 @@ def doubts(request: Request, motor: MotorFacts) -> list[str]:
 
 
 def unusual(request: Request, motor: MotorFacts) -> list[str]:
-    """The numbers that are far from what motors of this class and size have, with that range."""
+    """The given numbers that are far from what such motors have, each with the usual range."""
     return [
         f"--{flag} {answer.text} (usual: {span(low, high, NUMBERS[flag].dimension, _unit(answer.text))})"
         for flag, (low, high) in _usual(request, motor).items()
@@ -44,14 +44,14 @@ def unusual(request: Request, motor: MotorFacts) -> list[str]:
 
 
 def _is_sized(request: Request) -> bool:
-    """Whether the size is known; if not, the resistance tells it, and a motor of any class has some size."""
+    """Whether an answer gives the size. If none does, any resistance is right for some size."""
     return any(flag in request.numbers for flag in OF_THE_SIZE)
 
 
 def _usual(request: Request, motor: MotorFacts) -> dict[str, tuple[float, float]]:
-    """The least and the most of each number that motors of this class and size have, SI.
+    """By answer, the least and the largest number that motors of this class and size have, SI.
 
-    What the size is taken from comes first.
+    Answers that give the size come first, since `doubts` reports only the first doubt.
     """
     part, size = motor.part, motor.size
     phases_in_series = 2 if motor.phases == STAR_PHASES else 1
@@ -91,7 +91,7 @@ def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: flo
 
 
 def _size_doubt(text: str, motor: MotorFacts, meant: str) -> str:
-    """A sentence on a resistance that makes a motor of unknown size one of an unusual size."""
+    """A sentence: the resistance, which alone gives the size, makes the motor's size unusual."""
     own_flag = "rated-torque" if motor.phases == STAR_PHASES else "holding-torque"
     has = f"so wound, the motor has a torque of about {amount(motor.size.torque, units.TORQUE)}"
     unit = f", or perhaps you mean {meant}" if meant else ""
@@ -99,7 +99,7 @@ def _size_doubt(text: str, motor: MotorFacts, meant: str) -> str:
 
 
 def _value(request: Request, motor: MotorFacts, flag: str) -> float:
-    """What was given, SI; of a resistance or an inductance of three phases that between two terminals."""
+    """The given number, SI. A star's resistance or inductance is converted to that between two terminals."""
     between = request.between_terminals(flag)
     if between is not None and motor.phases == STAR_PHASES:
         return between.value
@@ -125,7 +125,7 @@ def _meant(text: str, dimension: Dimension, low: float, high: float) -> str:
 
 
 def _slots_doubt(request: Request, motor: MotorFacts) -> str:
-    """A sentence on slots in which no winding has three equal phases."""
+    """A sentence on slots in which no winding has three equal phases; "" if one has."""
     slots = int(request.value("slots") or 0)
     if not slots or motor.phases != STAR_PHASES or is_balanced(slots, motor.pole_pairs):
         return ""

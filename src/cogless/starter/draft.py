@@ -1,7 +1,7 @@
 """Write a study from a request: motor, mechanics, drive, sensor, a scenario, two controllers, metrics.
 
-Every number that the request lacks is a guess of the catalogue or of `motor_rules`, and is marked so in the
-file. docs/guide/new.md says how the numbers are chosen.
+Every number that the request lacks is guessed from the catalogue or by `motor_rules`. The file marks it as a
+guess. docs/guide/new.md says how the numbers are chosen.
 """
 
 from __future__ import annotations
@@ -65,35 +65,35 @@ COMPENSATED = (
     f"Switched on: {COMPENSATION}, with which harmonic leaves less. Your board's firmware needs it, too."
 )
 OBSERVER_KEYS = ("speed_method", "observer_bandwidth")
-COGGING_FREQUENCY = 40.0  # Hz, of the main order at the speed that is chosen
-VOLTAGE_SHARE = 0.5  # of the speed without load that the chosen speed may be
-SPEED_ROUNDS = 3  # of raising a speed at which the rotor snaps
-SPEED_PERIODS = 5  # of the current loop in one of the speed loop, where a whole rate allows
-SPEED_RATE_MOST = 6000.0  # Hz, that leaves a processor time for a law that learns
-BANDWIDTH_SHARE = 1 / 25  # bandwidth over the rate of the current loop
-RUN_TURNS = 6  # of the rotor in a run
+COGGING_FREQUENCY = 40.0  # Hz, frequency of the main order at the chosen speed
+VOLTAGE_SHARE = 0.5  # chosen speed / speed without load, at most
+SPEED_ROUNDS = 3  # speeds that are tried at most, while the rotor snaps at them
+SPEED_PERIODS = 5  # periods of the current loop in one of the speed loop, if that makes a whole rate
+SPEED_RATE_MOST = 6000.0  # Hz; a faster loop leaves a processor no time for a law that learns
+BANDWIDTH_SHARE = 1 / 25  # bandwidth / rate of the current loop
+RUN_TURNS = 6  # turns of the rotor in a run
 SHORTEST_RUN, LONGEST_RUN = 6.0, 60.0  # s
 SETTLING_FACTOR = 2.0  # a run's settling time / the model's, at most
-LAST_SHARE = 1 / 3  # of the run, in which metrics are taken, at most
-LAST_LEAST = 2.0  # s, likewise, at least
-LAST_MARGIN = 1.05  # windows of orders are longer by it, so that a rotor that is a little slow turns once
-ROWS_MOST, ROWS_IN_WAVE = 300_000, 4
+LAST_SHARE = 1 / 3  # share of the run in which metrics are taken, if whole turns would take over half
+LAST_LEAST = 2.0  # s in which metrics are taken, rounded up to whole turns
+LAST_MARGIN = 1.05  # factor on the window of orders, so that a slightly slow rotor turns once, too
+ROWS_MOST, ROWS_IN_WAVE = 300_000, 4  # rows of a trace, and in a wave of the main order
 TRACE_RATE_LEAST, TRACE_RATE_MOST = 500.0, 5000.0  # Hz
-OF_PHASES = {  # numbers that only a motor of so many phases has
+OF_PHASES = {  # number of phases -> answers that only such a motor has
     2: ("holding-torque", "detent-torque", "step-angle"),
     3: ("slots", "kv", "torque-constant", "back-emf", "pole-pairs"),
 }
 OF_A_STEP_DATASHEET = ("resistance", "inductance", "holding-torque", "detent-torque", "step-angle", "cogging")
-# Words for the magnet; each function makes K_t of the word's value, SI, and the word's value of K_t.
+# Answers on the magnet -> functions from the answer to K_t, and from K_t to the answer, all SI.
 MAGNET_CONSTANTS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
     "torque-constant": (lambda constant: constant, lambda constant: constant),
     "kv": (lambda kv: KV_TO_TORQUE / kv, lambda constant: KV_TO_TORQUE / constant),
     "back-emf": (lambda emf: math.sqrt(1.5) * emf, lambda constant: constant / math.sqrt(1.5)),
 }
 OF_ENCODERS = {"bits": "absolute", "cpr": "incremental"}
-ORDER_ROWS = 2.2  # in a wave of an order that a metric tells
-CONVERTER_BITS = 12  # each current sensor has such a converter
-LOAD_FACTOR = 3.0  # times the guessed rotor's inertia, for a load that nobody stated of
+ORDER_ROWS = 2.2  # rows in a wave of an order, at least, or no metric reports this order
+CONVERTER_BITS = 12  # bits of each current sensor's converter
+LOAD_FACTOR = 3.0  # inertia with a load that nobody stated / that of the rotor, at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,12 +116,12 @@ class Draft:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """What is chosen by designs of the study itself.
+    """Settings that are chosen by designs and runs of the study itself.
 
     `steps`: integration steps of the plant in a period of the current loop. `observer`: keys of the sensor;
-    {} where its edges are timed. `tried_observer`: the same, by runs. `compensation`: of dead time, its
-    keys. `feedbacks`: gains in place of the rule's. `base`: of the law that learns, and why. `settling`: the
-    time in which it learns, s.
+    {} where its edges are timed. `tried_observer`: such keys, chosen by runs. `compensation`: keys of the
+    compensation of dead time; None: none. `feedbacks`: gains in place of a tuning rule. `base`: the learning
+    law's base, and the reason. `settling`: the time in which the law learns, s.
     """
 
     steps: int = 1
@@ -134,10 +134,10 @@ class Fit:
 
 
 def draft(request: Request, title: str, path: Path) -> Draft:
-    """The study of a request; `path`: where it will be.
+    """Write the study of a request. `path`: where the file will be.
 
-    RequestError: an answer that does not go with the others. StudyError: the study of these numbers is
-    refused. A speed that nobody asked for is raised until the rotor does not snap from detent to detent.
+    RequestError: an answer does not fit the others. StudyError: a study with these numbers is refused.
+    A speed that nobody asked for is raised until the rotor does not snap from detent to detent.
     """
     speed = None
     for _ in range(SPEED_ROUNDS):
@@ -159,8 +159,8 @@ def _fitted(
 ) -> Draft:
     """The study with the integration steps, the speed method, the feedbacks and the settings that suit it.
 
-    `compose_slowest`: the study with the slowest speed alone, which is the hardest to hold. `compensates`:
-    whether the drive may compensate its dead time.
+    `compose_slowest`: composes the study with the slowest speed alone, which is the hardest to hold.
+    `compensates`: whether the drive may compensate its dead time.
     """
     fit = Fit(steps=_integration_steps(compose(Fit()), path))
     fit = replace(fit, observer=fit_observer(_study(compose_slowest(fit), path)))
@@ -177,14 +177,14 @@ def _fitted(
 def _learning(
     fit: Fit, compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Draft], path: Path
 ) -> Fit:
-    """The fit with a run long enough to learn on either base, and the base that leaves less in this run."""
+    """The fit with a run long enough to learn on either base, and the base that leaves less ripple in it."""
     fit = replace(fit, base=None)
     fit = replace(fit, settling=settling_time(_study(compose(fit), path)))
     return replace(fit, base=better_base(_study(compose_slowest(fit), path)))
 
 
 def _integration_steps(composed: Draft, path: Path) -> int:
-    """Steps of the plant in a period of the current loop, enough for each guess in its range."""
+    """Integration steps in a period of the current loop, enough for every variant of every guess."""
     changes: list[Mapping[str, Any]] = [{}]
     changes += (change for guess in composed.guesses for change in guess.variants.values())
     return max(_steps(composed.tables, change, path) for change in changes)
@@ -201,7 +201,7 @@ def _steps(tables: dict[str, Any], change: Mapping[str, Any], path: Path) -> int
     try:
         star = TypeAdapter(AnyMotor).validate_python(tables["motor"]).star()
     except ValidationError:
-        checked(source)  # it says in a line what is wrong
+        checked(source)  # raises a StudyError that says in a line what is wrong
         raise
     voltage = units.parse(tables["drive"]["inverter"]["bus_voltage"], units.VOLTAGE)
     most = OVERMODULATION_MOST * no_load_speed(voltage, star, star.psi_f)
@@ -228,7 +228,7 @@ def slower_feedbacks(study: Study) -> Feedbacks:
 
 
 def settling_time(study: Study) -> float:
-    """The time, s, in which the law learns at all speeds, on each base that it may have; 0 if it does not."""
+    """The time, s, in which the law has learned at every speed, whatever its base; 0 if it does not learn."""
     rivals = rival_bases(study, LEARNING_LAW)
     variants = [study] if rivals is None else [changed(study, {BASE_KEY: base}) for base in rivals]
     times = [settling(variant, LEARNING_LAW, certificate(variant, LEARNING_LAW)) for variant in variants]
@@ -236,9 +236,9 @@ def settling_time(study: Study) -> float:
 
 
 def better_base(study: Study) -> tuple[int, str] | None:
-    """Of two bases that each miss something, the one with less ripple in a run, and a comment.
+    """Of two bases that each leave something out, the one with less ripple in a run, and a comment.
 
-    None: one base learns all, or none has room for the sensor's error.
+    None: one base learns all, or no base has room for the sensor's error.
     """
     rivals = rival_bases(study, LEARNING_LAW)
     if rivals is None:
@@ -269,7 +269,7 @@ def _study(drafted: Draft, path: Path) -> Study:
 
 
 def turning_speed(study: Study) -> float | None:
-    """The speed, r/min, from which on the rotor turns, if it snaps at the study's; None if it turns."""
+    """A speed, r/min, at which the rotor turns without snapping; None: it turns so, or none is in reach."""
     ((name, scenario),) = study.scenario.items()
     speeds = [warnings.turning_speed(study, controller, name) or 0.0 for controller in study.controller]
     faster = max(speeds) / units.factor("rpm", units.ANGULAR_SPEED)
@@ -282,7 +282,7 @@ def turning_speed(study: Study) -> float | None:
 
 
 def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> Draft:
-    """The study; `faster`: its speed, r/min, in place of the one that suits the cogging."""
+    """The study of a request. `faster`: its speed, r/min, in place of the one that suits the cogging."""
     part = class_of(request)
     drive = parts("drives")[request.drive]
     _check_fit(request, part, drive)
@@ -326,7 +326,7 @@ def _head(title: str, request: Request) -> list[str]:
 
 
 def _check_fit(request: Request, part: Part, drive: Part) -> None:
-    """Refuse answers that no study of these parts can take, rather than drop them."""
+    """Refuse answers that a study of these parts would not use, rather than ignore them."""
     phases = 3 if part.layouts else 2
     if phases not in drive.table["phases"]:
         fitting = [name for name, other in parts("drives").items() if phases in other.table["phases"]]
@@ -409,7 +409,7 @@ def _mechanics(sheet: Sheet, request: Request, motor: MotorFacts) -> None:
 
 
 def _voltage(request: Request, motor: MotorFacts, drive: Part) -> Figure:
-    """The bus voltage: as stated, or the class's within what the drive bears."""
+    """The bus voltage: as stated, or that of the class, clipped to what the drive bears."""
     stated = request.value("bus-voltage")
     bears = drive["voltage"]
     if stated is not None:
@@ -447,7 +447,7 @@ def _reach(motor: MotorFacts, voltage: float) -> float:
 def _drive(
     sheet: Sheet, request: Request, motor: MotorFacts, drive: Part, voltage: Figure, fit: Fit
 ) -> float:
-    """Rates, current loop, inverter and current sensors; returns the current loop's rate, Hz."""
+    """Write rates, current loop, inverter and current sensors; returns the current loop's rate, Hz."""
     current_rate, speed_rate = _rates(request, drive)
     section = sheet.section("[drive.rates]")
     for key, flag, rate in (
@@ -546,7 +546,7 @@ def _rates(request: Request, drive: Part) -> tuple[float, float]:
 
 
 def _divider(rate: int) -> int:
-    """Periods of the current loop in one of the speed loop, about SPEED_PERIODS, which divide the rate."""
+    """Periods of the current loop in one of the speed loop: a divisor of the rate near SPEED_PERIODS."""
     least = math.ceil(rate / SPEED_RATE_MOST)
     fitting = [n for n in range(least, 41) if rate % n == 0]
     return min(fitting or [1], key=lambda n: abs(math.log(n / SPEED_PERIODS)))
@@ -564,7 +564,7 @@ def _scenario(
     current_rate: float,
     voltage: float,
 ) -> float:
-    """Trace, and a scenario for each speed; returns the trace's rows a second."""
+    """Write the trace, and a scenario for each speed; returns the trace's rows a second."""
     rpm, reason = speed
     text = request.numbers["speed"].text if "speed" in request.numbers else f"{rpm:.6g} rpm"
     speeds = {rpm: text, **{_in_rpm(answer): answer.text for answer in request.faster}}
@@ -593,7 +593,7 @@ def _duration(rpm: float, settling_time: float) -> float:
 
 
 def _trace_rate(rate: int, duration: float, fastest: float) -> float:
-    """Rows a second, Hz: a divisor of the current loop's rate, enough for an order of `fastest`, Hz."""
+    """Rows a second: the current loop's rate over a whole number, enough for waves of `fastest` Hz."""
     most, least = min(TRACE_RATE_MOST, ROWS_MOST / duration), max(TRACE_RATE_LEAST, ROWS_IN_WAVE * fastest)
     rates = [rate // n for n in range(1, rate + 1) if rate % n == 0]
     few = next((rate for rate in rates if rate <= most), rates[-1])

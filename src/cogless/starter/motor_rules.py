@@ -1,13 +1,13 @@
-"""What is not known of a motor, from what is: rules of scale around a class of motors.
+"""Rules of scale: unknown figures of a motor, from its known figures and a typical motor of its class.
 
-A motor of the same build whose torque T is another (all lengths times l, T as l^3) has
+If all lengths of a motor are multiplied by l, its torque T grows as l^3, and these change with it:
 
     copper loss at its rated torque   as its surface l^2:  R / K_t^2  as  T^(-4/3)
     electrical time constant L / R    as l^2:              T^(2/3)
     inertia of the rotor              as l^5:              T^(5/3)
 
-and another winding in the same iron has R and L as K_t^2. So a resistance tells the torque, and a torque the
-resistance. Cogging and friction are shares of the torque. docs/guide/new.md has these rules in words.
+Another winding in the same iron changes R and L as K_t^2. So the torque follows from a resistance, and a
+resistance from the torque. Cogging and friction are shares of the torque. docs/guide/new.md has these rules.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ import numpy as np
 from cogless.starter.part_catalogue import Part, parts
 
 LOSS_POWER = -4 / 3  # R / K_t^2 grows with this power of the torque
-TIME_POWER = 2 / 3  # L / R does with this one
-INERTIA_POWER = 5 / 3
+TIME_POWER = 2 / 3  # L / R grows with this power of the torque
+INERTIA_POWER = 5 / 3  # inertia of the rotor, likewise
 COGGING_PHASES = {"cogging": 0.0, "slot_cogging": 40.0, "pole_cogging": 110.0}  # deg, assumed; all different
-SAMPLES_IN_A_WAVE, TURN_SAMPLES_MOST = 64, 1_000_003
+SAMPLES_IN_A_WAVE, TURN_SAMPLES_MOST = 64, 1_000_003  # points at which a cogging is summed
 KV_TO_TORQUE = math.sqrt(3) / 2  # K_t kv of sinusoidal currents, both SI
 
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """What is known of a motor, SI, per phase; None is unknown. `torque` of a step motor is that it holds."""
+    """What is known of a motor, SI, per phase; None: unknown. `torque`: rated; a step motor's: holding."""
 
     torque_constant: float | None = None
     resistance: float | None = None
     torque: float | None = None
-    current: float | None = None  # of a phase, peak, at the rated torque
+    current: float | None = None  # peak of a phase, at the rated torque
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sized:
-    """A motor's size: torque constant, rated torque and current, and how far it is from its class."""
+    """A motor's size, SI: torque constant, rated torque and current, and ratios to the motor of its class."""
 
     torque_constant: float
     torque: float
     current: float
-    torque_ratio: float  # over the class's
-    winding_ratio: float  # torque constant over the class's, squared
+    torque_ratio: float  # rated torque / the class's
+    winding_ratio: float  # (torque constant / the class's)^2
 
     @property
     def resistance_factor(self) -> float:
@@ -66,7 +66,7 @@ class Sized:
 
 
 def class_constant(motor: Part) -> float:
-    """Torque constant of a class's motor, N*m per peak ampere of a phase."""
+    """Torque constant of the typical motor of a class, N*m per peak ampere of a phase."""
     if "kv" in motor.figures:
         return KV_TO_TORQUE / motor["kv"].typical
     return motor["rated_torque"].typical / peak_of_coil(motor["rated_current"].typical)
@@ -78,7 +78,7 @@ def peak_of_coil(rated: float) -> float:
 
 
 def sized(motor: Part, facts: Known) -> Sized:
-    """The size of a motor of a class, of which some is facts."""
+    """The size of a motor: from the facts that are known, and from its class where they do not suffice."""
     own, usual = class_constant(motor), motor["rated_torque"].typical
     torque = facts.torque
     constant = facts.torque_constant
@@ -97,7 +97,7 @@ def sized(motor: Part, facts: Known) -> Sized:
 
 
 def _torque(motor: Part, facts: Known, constant: float, usual: float) -> float:
-    """The rated torque by the current, else by the resistance, else that of the class, N*m."""
+    """The rated torque, N*m: from the current, else from the resistance, else that of the class."""
     if facts.current:
         return constant * facts.current
     if not facts.resistance:
@@ -110,8 +110,8 @@ def _torque(motor: Part, facts: Known, constant: float, usual: float) -> float:
 def layouts_for(motor: Part, pole_pairs: int | None) -> list[tuple[int, int]]:
     """Slots and poles that a motor may have, the likeliest first.
 
-    Those of its class come first, then those of other classes, then any balanced winding whose slots are
-    about as many as its poles; an odd number of slots pulls the rotor to a side and comes last.
+    Layouts of its class come first, then layouts of other classes, then up to three balanced windings with
+    about as many slots as poles. Among these, odd numbers of slots come last: they pull the rotor to a side.
     """
     if pole_pairs is None:
         return list(motor.layouts)
@@ -129,7 +129,7 @@ def is_balanced(slots: int, pole_pairs: int) -> bool:
 
 
 def cogging_orders(slots: int, poles: int) -> dict[str, int]:
-    """Orders of the cogging of a turn: the main one, of the slots, of the poles; none twice."""
+    """Orders of the cogging in a turn: main order, slots, poles; none that equals the main order."""
     orders = {"cogging": math.lcm(slots, poles), "slot_cogging": slots, "pole_cogging": poles}
     return {key: order for key, order in orders.items() if key == "cogging" or order != orders["cogging"]}
 
@@ -137,9 +137,9 @@ def cogging_orders(slots: int, poles: int) -> dict[str, int]:
 def half_peak_to_peak(amplitudes: Mapping[str, float], orders: Mapping[str, int]) -> float:
     """Half of peak to peak of the sum of a cogging's parts, each amplitude sin(order theta + phase).
 
-    It is in the amplitudes' unit; the phases are those of `COGGING_PHASES`.
+    The result has the amplitudes' unit; the phases are those of `COGGING_PHASES`.
     """
-    step = math.gcd(*orders.values())  # the sum repeats so often in a turn
+    step = math.gcd(*orders.values())  # number of periods of the sum in a turn
     count = min(SAMPLES_IN_A_WAVE * max(orders.values()) // step + 1, TURN_SAMPLES_MOST)
     theta = math.tau * np.arange(count) / count
     torque = sum(

@@ -29,10 +29,10 @@ from cogless.starter.request import Request, RequestError
 from cogless.starter.sheet import Guess, Section, Sheet, because, origin
 from cogless.study.motor import AnyMotor, StarMotor, teeth_of
 
-OTHER_LAYOUTS = 3
+OTHER_LAYOUTS = 3  # other layouts that the study tries, at most
 MAGNET_WORDS = {"kv": "kv", "torque-constant": "K_t", "back-emf": "K_e_line_to_line_rms"}
-TORQUE_DIGITS = 4  # of a part of the cogging
-DETENT_ORDER = 4  # electrical, of a step motor with two phases
+TORQUE_DIGITS = 4  # digits of the torque of a part of the cogging
+DETENT_ORDER = 4  # electrical order of the detent torque of a step motor with two phases
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ def datasheet_tables(name: str) -> dict[str, Any]:
 
 
 def put_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
-    """A motor with three phases."""
+    """Write the sections of a motor with three phases, and return its facts."""
     tables = datasheet_tables(request.motor)
     facts, named = _star(request, tables), named_motors().get(request.motor, {})
     size = sized(part, facts)
@@ -107,7 +107,7 @@ def put_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
 
 
 def _star(request: Request, tables: Mapping[str, Any]) -> Known:
-    """What request and datasheet tell of a motor with three phases."""
+    """What the request and the datasheet say of a motor with three phases."""
     constant = request.value("torque-constant")
     if (kv := request.value("kv")) is not None:
         constant = KV_TO_TORQUE / kv
@@ -131,7 +131,7 @@ def _star(request: Request, tables: Mapping[str, Any]) -> Known:
 def _layout(
     request: Request, part: Part, tables: Mapping[str, Any]
 ) -> tuple[tuple[int, int], list[tuple[int, int]]]:
-    """Slots and poles, and others that the motor may have as well; none if its slots are stated."""
+    """Slots and poles, and other such pairs that the motor may have; no others if its slots are known."""
     named = named_motors().get(request.motor, {})
     pole_pairs = int(request.value("pole-pairs") or tables.get("pole_pairs") or 0)
     slots = int(request.value("slots") or tables.get("slots") or named.get("slots") or 0)
@@ -183,7 +183,7 @@ def _winding(
     tables: Mapping[str, Any],
     size: Sized,
 ) -> None:
-    """Resistance and inductance, between two terminals."""
+    """Write resistance and inductance between two terminals."""
     stated = []
     for key, name, factor, dimension in (
         ("resistance_line_to_line", "resistance", size.resistance_factor, units.RESISTANCE),
@@ -214,7 +214,7 @@ def adapted(figure: Figure, same: bool) -> Figure:
 
 
 def _shares(part: Part, layout: tuple[int, int]) -> dict[str, Figure]:
-    """The parts of the cogging of a layout, as shares of the rated torque."""
+    """The parts of a layout's cogging, as shares of the rated torque."""
     shares = {key: part[key] for key in COGGING_PHASES if key in part.figures}
     factor = math.gcd(*layout) / math.gcd(*part.layouts[0])
     if factor != 1:
@@ -254,9 +254,9 @@ def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, 
 
 
 def _split(total: float, shares: Mapping[str, Figure], layout: tuple[int, int], end: str) -> dict[str, float]:
-    """A cogging's parts, N*m, whose sum has this half of peak to peak.
+    """Amplitudes of a cogging's parts, N*m. The sum of the parts has `total` as its half of peak to peak.
 
-    `end`: of the ranges of the tolerances' shares, "low", "typical" or "high".
+    `end`: which value of the shares that tolerances cause: "low", "typical" or "high".
     """
     orders = cogging_orders(*layout)
     ratios = {key: getattr(shares[key], "typical" if key == "cogging" else end) for key in orders}
@@ -326,7 +326,7 @@ def _waves(torques: Mapping[str, float], layout: tuple[int, int]) -> list[dict[s
 
 
 def _split_variants(request: Request, part: Part, main: Figure, layout: tuple[int, int]) -> Guess:
-    """The same cogging in all, with more and with less of it in the main order."""
+    """A guess with two variants: the same cogging in all, with more and with less of it in the main order."""
     shares, total = _shares(part, layout), request.numbers["cogging"].value
     variants = {
         label: {"motor.cogging": _waves(_split(total, shares, layout, end), layout)}
@@ -347,7 +347,7 @@ def _layout_variants(
     amplitudes: Mapping[str, Figure],
     request: Request,
 ) -> Guess:
-    """The same motor with other slots, or with other slots and poles, than those of `layout`."""
+    """A guess with variants: the motor with other slots than `layout`, or with other slots and poles."""
     variants, total = {}, request.value("cogging")
     for slots, poles in others:
         if total is None:
@@ -365,7 +365,7 @@ def _layout_variants(
 
 
 def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
-    """A step motor, by what holds it and what its magnets hold without current."""
+    """Write the section of a step motor, by holding torque and detent torque, and return its facts."""
     tables = datasheet_tables(request.motor)
     section = sheet.section("[motor]")
     named = named_motors().get(request.motor, {})
@@ -418,7 +418,7 @@ def _teeth(request: Request, part: Part) -> int:
 
 
 def _holding(sheet: Sheet, section: Section, request: Request, part: Part) -> None:
-    """The holding torque, and the direct current of each phase that makes it."""
+    """Write the holding torque, and the direct current in each phase that makes it."""
     stated = next((key for key in ("holding-torque", "rated-torque") if key in request.numbers), None)
     if stated:
         section.put("holding_torque", request.numbers[stated].text)
@@ -434,7 +434,7 @@ def _holding(sheet: Sheet, section: Section, request: Request, part: Part) -> No
 
 
 def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: Sized) -> None:
-    """The detent's amplitude: a datasheet's torque has friction in it."""
+    """Write the detent torque's amplitude. The detent torque of a datasheet includes friction."""
     detent, friction = request.value("detent-torque"), request.value("friction")
     if "cogging" in request.numbers:
         section.put("detent_torque", request.numbers["cogging"].text)
@@ -448,7 +448,7 @@ def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: 
 
 
 def detent_friction(part: Part, detent: float) -> Figure:
-    """The friction within a datasheet's detent torque: in the class's proportion."""
+    """The friction in a datasheet's detent torque, in the class's proportion of friction to cogging."""
     friction, cogging = part["friction"], part["cogging"]
     share = friction.typical / (friction.typical + cogging.typical)
     ends = (share / 2, min(0.9, 1.5 * share))

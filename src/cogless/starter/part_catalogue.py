@@ -1,6 +1,6 @@
 """The catalogue of motors by class, of encoders and of drives: the files of the folder parts/.
 
-A figure is a typical value with its range, and who published it or by which rule it is a guess.
+A figure is a typical value, its range, and a reason: who published it, or the rule by which it is guessed.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def _figure(key: str, table: dict[str, Any]) -> Figure:
 
 @cache
 def parts(kind: Kind) -> dict[str, Part]:
-    """The catalogue of a kind, by name."""
+    """The parts of a kind, by name."""
     return {name: _part(name, table) for name, table in _file(kind).items() if name != "named"}
 
 

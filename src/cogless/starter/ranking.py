@@ -1,8 +1,8 @@
-"""Which guesses of a study matter most: each at the ends of its range, one at a time, by short runs.
+"""Find which guesses of a study matter most: short runs have one guess at a time at an end of its range.
 
 What counts is the answer that the user gets: whether the speed is held, and the ripple that `harmonic`
-leaves. A guess whose range changes the first comes before all others; these are in the order of the factor
-between the largest and the smallest ripple. A change is one of the study, as by `--set`: the design follows.
+leaves. Guesses that decide whether the speed is held come first. All others follow, in the order of their
+largest ripple over their smallest. Each change is made in the study, as by `--set`: the design follows.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
 
 LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
-RUN_TICKS_MOST = 250_000  # a run has no more
-LAST_SHARE = 1 / 3  # of a run, in which the ripple is taken
-ALIKE_RATIO = 1.05  # of the ripple of a run to that of a shorter one, which then tells as much
-AT_ONCE = 8  # variants in a batch, between which progress is told
+RUN_TICKS_MOST = 250_000  # periods of the current loop in a short run, at most
+LAST_SHARE = 1 / 3  # share of a short run in which the ripple is taken
+ALIKE_RATIO = 1.05  # ripples of a run and of its short run count as equal up to this ratio
+AT_ONCE = 8  # variants in a batch; progress is reported after each batch
 
 Report = Callable[[float], None]
 
@@ -50,7 +50,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What a guess changes. `outcomes`: what comes of each of its variants."""
+    """What a guess changes. `nominal`: without a change. `outcomes`: by the label of the guess's variant."""
 
     guess: Guess
     nominal: Outcome
@@ -62,28 +62,27 @@ class Effect:
 
     @property
     def decides(self) -> bool:
-        """Whether it depends on the guess that the speed is held."""
+        """Whether the guess decides if the speed is held."""
         return len({answer.holds for answer in self.answers}) > 1
 
     @property
     def ripples(self) -> tuple[float, float]:
-        """The least and the largest ripple among those that hold the speed, rad/s; nan if none does."""
+        """The least and the largest ripple of the runs that hold the speed, rad/s; nan if none does."""
         ripples = [answer.ripple for answer in self.answers if answer.holds]
         return (min(ripples), max(ripples)) if ripples else (math.nan, math.nan)
 
     @property
     def size(self) -> tuple[bool, float]:
-        """What guesses are ordered by: whether it decides, and the factor between its ripples."""
+        """The sorting key of guesses: whether this one decides, and its largest ripple over its least."""
         low, high = self.ripples
         return self.decides, high / low if low > 0 else 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ranking:
-    """Answers of a study with all its guesses as they are, and the effects of the guesses, largest first.
+    """Outcomes of a study with all its guesses as they are, and the effects of the guesses, largest first.
 
-    `duration`: of the runs of the effects, s, where they are shorter than the study's and leave clearly more
-    or less; 0 where they are not.
+    `duration`: that of the short runs, s, if their outcome is clearly another than the full run's; else 0.
     """
 
     learned: Outcome
@@ -93,7 +92,7 @@ class Ranking:
 
 
 def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share: None) -> Ranking:
-    """Run the study, and again with each guess changed. A variant that is refused or fails holds no speed."""
+    """Run the study, and again with each guess changed. A refused or failed variant holds no speed."""
     short = shortened(study)
     (scenario,) = short.scenario
     changes: list[Mapping[str, Any]] = [
@@ -125,9 +124,9 @@ def _is_alike(one: Outcome, other: Outcome) -> bool:
 
 
 def shortened(study: Study) -> Study:
-    """The study's first scenario alone, with a run of at most RUN_TICKS_MOST periods.
+    """The study with its first scenario alone, and a run of at most RUN_TICKS_MOST periods.
 
-    Where that is shorter than the study's, the metrics are taken in the last third of it.
+    If the run gets shorter by this, metrics are taken in its last third, and metrics of orders are left out.
     """
     name, scenario = next(iter(study.scenario.items()))
     if len(study.scenario) > 1:
@@ -167,7 +166,7 @@ def _changed(study: Study, change: Mapping[str, Any]) -> Study | StudyError:
 
 
 def outcomes(variants: Sequence[Study], scenario: str, controller: str) -> list[Outcome]:
-    """What comes of a run of each study."""
+    """The outcome of a run of each study, with one scenario and controller."""
     if not variants:
         return []
     try:
@@ -179,7 +178,7 @@ def outcomes(variants: Sequence[Study], scenario: str, controller: str) -> list[
 
 
 def outcome(study: Study, run: Run | None) -> Outcome:
-    """What came of a run, over the last part of it in which the study's metrics are taken."""
+    """The outcome of a run, in its last part, where the study's metrics are taken. `run`: None: it failed."""
     if run is None:
         return Outcome(ripple=math.nan, why="the run failed")
     ripple = float(np.asarray(run.metrics["speed_ripple_rad_s"]))

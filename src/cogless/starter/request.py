@@ -38,7 +38,7 @@ class Number(NamedTuple):
 class Answer(NamedTuple):
     """A number as it was given: with its unit, and in SI. `per_phase`: of a phase, not between terminals.
 
-    `written`: what was given, where the number is another one, such as an rms current; "" if it is not.
+    `written`: the user's own text, if its number was converted, such as from an rms current; "" if not.
     """
 
     text: str
@@ -49,7 +49,7 @@ class Answer(NamedTuple):
 
 PER_PHASE = re.compile(r"\s*(?:/|\bper)\s*phase\s*")
 OF_A_WINDING = ("resistance", "inductance")
-SEVERAL = re.compile(r",\s+|;\s*")  # between speeds
+SEVERAL = re.compile(r",\s+|;\s*")  # separates speeds
 EXACT_DIGITS = 6
 RMS = math.sqrt(2)  # peak / rms of a sine
 BETWEEN_TERMINALS = r"(.*?)\s*(?:l-l|line[ -]to[ -]line|phase[ -]to[ -]phase)"
@@ -130,7 +130,7 @@ def names(kind: Kind) -> dict[str, str]:
 
 
 def check_name(flag: str, kind: Kind, name: str) -> str:
-    """The name of a part; RequestError with the nearest one if there is none of that name."""
+    """Return the name if there is such a part; if not, a RequestError proposes the nearest name."""
     choices = [*names(kind)]
     if name not in choices:
         raise RequestError(flag, name, f"expected one of {', '.join(choices)}{perhaps(name, choices)}")
@@ -167,7 +167,7 @@ def _read(name: str, text: str) -> Answer:
 
 
 def _plain(name: str, text: str) -> tuple[str, float]:
-    """A number with the unit that a datasheet's words stand for, and the factor between the two numbers."""
+    """The text with a unit in place of a datasheet's words, and the factor on its number."""
     quantity = units.NUMBER_AND_UNIT.fullmatch(text)
     number, words = quantity.groups() if quantity is not None else ("", "")
     for written, unit, factor in WRITTEN.get(name, ()) if words else ():

@@ -1,4 +1,4 @@
-"""The position sensor of a study, and the way to the speed that fits it.
+"""The position sensor of a study, and the method that suits it for measuring the speed.
 
 Hall sensors              the time over six edges, in which the errors of their places cancel
 incremental, timed edges  counts over the time between edges (MT), where the drive can time them
@@ -24,21 +24,21 @@ from cogless.starter.sheet import Guess, Section, Sheet, origin
 from cogless.study import Study, changed
 from cogless.study.position_sensor import Counted
 
-HALL_EDGES_PER_SECOND = 150.0  # at the speed that is chosen, at least
-COUNTS_PER_SECOND = 500.0
-HALL_PATTERN = (1.0, -1.5, 0.5, 1.5, -1.0, -0.5)  # of an edge's misplacement; their sum is zero
+HALL_EDGES_PER_SECOND = 150.0  # 1/s, least at the chosen speed
+COUNTS_PER_SECOND = 500.0  # 1/s, least at the chosen speed, of an encoder
+HALL_PATTERN = (1.0, -1.5, 0.5, 1.5, -1.0, -0.5)  # misplacement of each edge / the typical one; sum zero
 PATH = "drive.position_sensor"
 CROSSOVER_TIMES = 3.0  # bandwidth of an observer over the crossover: docs/theory/sensors.md
-OBSERVER_ROUNDS = 6  # the search ends after them
-FIRST_SHARE = 1 / 20  # of the speed loop's rate, where the search begins
-SLOWEST_OBSERVER = 2.0  # Hz
+OBSERVER_ROUNDS = 6  # rounds of the search for a bandwidth
+FIRST_SHARE = 1 / 20  # bandwidth at which the search begins / rate of the speed loop
+SLOWEST_OBSERVER = 2.0  # Hz, bandwidth that is allowed even where counts come slowly
 BY_RULE = "three times the crossover, and no faster than counts come"
 TRIED = "chosen by runs, in which harmonic leaves less with it"
-UNFITTED_BANDWIDTH = "100 Hz"  # of the study with which fit_observer begins
+UNFITTED_BANDWIDTH = "100 Hz"  # bandwidth in the study that fit_observer is given
 
 
 def sensor_counts(request: Request, sensor: Part) -> int:
-    """Steps of the angle in a revolution, of an encoder."""
+    """The steps of an encoder in a revolution."""
     if sensor.table["kind"] == "encoder":
         return int(request.value("cpr") or sensor["counts"].typical)
     return int(2 ** (request.value("bits") or sensor["bits"].typical))
@@ -53,7 +53,7 @@ def put_sensor(
     observer: Mapping[str, str],
     tried: Mapping[str, str],
 ) -> None:
-    """The section of the position sensor. `observer`: the keys of `fit_observer`. `tried`: those by runs."""
+    """Write the sensor's section. `observer`: keys by `fit_observer`. `tried`: keys chosen by runs."""
     section = sheet.section(f"[{PATH}]")
     kind = sensor.table["kind"]
     section.put("kind", kind, note=sensor.description)
@@ -98,7 +98,7 @@ def put_sensor(
 
 
 def reading_doubt(request: Request, sensor: Part, current_rate: float) -> list[str]:
-    """A sentence on a sensor that is read more slowly than a current loop runs whose rate nobody stated."""
+    """A sentence, if a reading takes longer than a period of the current loop, and nobody stated its rate."""
     if "reading" not in sensor.figures or "current-rate" in request.numbers:
         return []
     reading = sensor["reading"].typical
@@ -128,16 +128,16 @@ def _hall(sheet: Sheet, section: Section, sensor: Part) -> None:
 
 
 def _placement(size: float) -> list[str]:
-    """Angles by which the six edges come late, electrical."""
+    """The electrical angles by which the six edges come late, as text."""
     return [amount(size * share, units.ANGLE) for share in HALL_PATTERN]
 
 
 def fit_observer(study: Study) -> dict[str, str]:
-    """The keys of the study's sensor that give it the speed method that suits it; {} if it has it.
+    """Changes of the study's sensor that choose its speed method; {} if the study has the right method.
 
-    An observer's bandwidth is three times the crossover of the fastest of the study's controllers with it,
-    but no more than three times the rate of counts, beyond which the rotor coasts from count to count. Timed
-    edges that come too rarely give way to an observer.
+    An observer's bandwidth is three times the crossover of the study's fastest controller, computed with this
+    observer. The bandwidth is at most three times the rate of counts: beyond, the rotor coasts from count to
+    count. An observer replaces timed edges that come too rarely.
     """
     sensor = study.drive.position_sensor
     if not isinstance(sensor, Counted):
@@ -154,7 +154,7 @@ def fit_observer(study: Study) -> dict[str, str]:
         crossovers = [_crossover(observed, name) for name in observed.controller]
         if all(crossovers):
             bandwidth = min(most, CROSSOVER_TIMES * max(crossovers) / math.tau)
-        else:  # no gains have the margin that the rule asks for behind so slow an observer
+        else:  # with so slow an observer, no gains reach the margin that the rule asks for
             bandwidth, most = 2 * bandwidth, max(most, 2 * bandwidth)
     return _observer(bandwidth)
 

@@ -20,8 +20,8 @@ COMMENT_WIDTH = 100
 class Guess:
     """A value of the study that is a guess.
 
-    `key`: of the study. `name`: in words. `span`: its range, as text. `variants`: changes of the study that
-    put the guess at the ends of its range, or at its other choices, by what each is called.
+    `key`: its key in the study. `name`: in words. `span`: its range, as text. `variants`: label -> changes of
+    the study that put the guess at an end of its range, or at another choice.
     """
 
     key: str
@@ -38,7 +38,7 @@ class Section:
     lines: list[str] = field(default_factory=list)
 
     def put(self, key: str, value: Any, *comments: str, note: str = "") -> None:
-        """A key with its value; comments stand above it, a note behind it."""
+        """Add a key with its value. Comments stand above the key, a note behind the value."""
         for comment in comments:
             self.lines += textwrap.wrap(
                 comment, COMMENT_WIDTH, initial_indent="# ", subsequent_indent="#   ", break_on_hyphens=False
@@ -46,7 +46,7 @@ class Section:
         self.lines.append(f"{key} = {toml(value)}{f'  # {note}' if note else ''}")
 
     def put_text(self, key: str, text: str) -> None:
-        """A key whose value is TOML already."""
+        """Add a key whose value is TOML already."""
         self.lines.append(f"{key} = {text}")
 
 
@@ -79,7 +79,7 @@ class Sheet:
         name: str,
         ends: Figure | None = None,
     ) -> None:
-        """A guessed key of a section. `path`: the section's in the study. `ends`: another range."""
+        """Add a guessed key. `path`: of the section in the study. `ends`: range in place of the figure's."""
         ends = ends or figure
         unit = unit_for(figure.typical, dimension)
         low, high = (amount(end, dimension, unit) for end in (ends.low, ends.high))
@@ -95,7 +95,7 @@ class Sheet:
         )
 
     def file_text(self, head: Iterable[str]) -> str:
-        """The file."""
+        """The text of the file. `head`: its first lines."""
         blocks = [[*head], *([*filter(None, [section.heading]), *section.lines] for section in self.sections)]
         return "\n\n".join("\n".join(block) for block in blocks) + "\n"
 

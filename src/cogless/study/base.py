@@ -1,6 +1,6 @@
-"""Base of both kinds of study: what callers ask a study of any kind, and the tables that all have.
+"""Base of both kinds of study: the methods that callers use with any study, and the tables that all have.
 
-Tables for `cogless calibrate`: parameters of a study to fit, and target values of its metrics.
+Tables for `cogless calibrate`: parameters of a study to fit, and target values of metrics.
 
 Tables `[vary]` and `[tune]`: how a study's values spread over an ensemble, and which gains to choose.
 
@@ -58,7 +58,7 @@ class Target(Table):
     """Weight of its relative deviation."""
 
     def values(self, metric: Metric, count: int) -> tuple[float, ...]:
-        """The target values in SI; raises an error if there aren't `count` of them or one is invalid."""
+        """The target values in SI. Refuses another number of values than `count`, and an invalid value."""
         targets = self.value if isinstance(self.value, list) else [self.value]
         if len(targets) != count:
             raise invalid(f"expected {count} values", "value")
@@ -230,12 +230,12 @@ class Tune(Table):
 
 
 def _flat(keys: Any) -> Any:
-    """Distributions or ranges by dotted key; what is no table stays as it is."""
+    """Distributions or ranges by dotted key; a value that isn't a table is returned unchanged."""
     return dotted_keys(keys, _holds_more) if isinstance(keys, dict) else keys
 
 
 def _holds_more(_key: str, value: Any) -> bool:
-    """Whether a value is a table of distributions or ranges, and no distribution itself."""
+    """Whether a value is a table of distributions or ranges, and not itself a distribution."""
     return (
         isinstance(value, dict)
         and all(isinstance(inner, dict | list) for inner in value.values())
@@ -258,9 +258,9 @@ class Assumption(Table):
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a study: path of its file, its tables as read (values as texts with units), datasheet path.
+    """Source of a study: path of the file, tables as read (values as texts with units), datasheet path.
 
-    `directory`: the file's, absolute, since a law may change the one that the command runs in.
+    `directory`: absolute folder of the file, since a law may change the process's working directory.
     """
 
     path: Path
@@ -271,7 +271,7 @@ class Source:
 
     @property
     def folder(self) -> Path:
-        """The folder that the files of the study are named from."""
+        """The folder to which paths in the study are relative."""
         return self.directory or self.path.parent
 
 
@@ -289,12 +289,12 @@ class TraceSettings(Table):
     """True also records the energies and the error of the energy balance."""
 
 
-Kind = Literal["speed", "trials"]  # keys of the rooms' tables: PLANS, DESIGNS, SECTIONS, PAGES
+Kind = Literal["speed", "trials"]  # keys of the tables PLANS, DESIGNS, SECTIONS and PAGES
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """How a run passes in ticks: periods of the current loop, or samples of a linear plant."""
+    """Duration and rates of a run in ticks. A tick is a current-loop period or a linear plant's sample."""
 
     ticks: int
     rate: float  # ticks per second
@@ -312,7 +312,7 @@ class StudyBase(Table):
     kind: ClassVar[Kind]
     outer_loop: ClassVar[str]  # the key of drive.rates that the kind needs
     overridable: ClassVar[tuple[str, ...]]  # tables whose keys a scenario may override
-    signal_kinds: ClassVar[frozenset[str]] = frozenset()  # properties of signals.def that all runs have
+    signal_kinds: ClassVar[frozenset[str]] = frozenset()  # signals.def's properties that all runs have
 
     title: Line
     """One line; heads the report."""
@@ -347,12 +347,12 @@ class StudyBase(Table):
     @property
     def source(self) -> Source:
         """The file and the tables that this study was read from."""
-        assert self.__pydantic_private__ is not None  # by its name it takes ten times as long
+        assert self.__pydantic_private__ is not None  # self._source would take ten times as long
         source: Source = self.__pydantic_private__["_source"]
         return source
 
     def once(self, make: Callable[[Self, K], T], of: K) -> T:
-        """Return make(self, of). It is computed at the first call and kept, since it takes long."""
+        """Return make(self, of). The first call computes the value and keeps it, since this takes long."""
         key = (make, of)
         if key not in self._made:
             self._made[key] = make(self, of)
@@ -360,7 +360,7 @@ class StudyBase(Table):
         return value
 
     def take(self, make: Callable[[Self, K], T], of: K, like: Self) -> None:
-        """Let `once` return here what it returns of another study, where both must give the same."""
+        """Let `once` return the value of the study `like` here. Both studies must have the same value."""
         self._made[make, of] = like.once(make, of)
 
     @property
@@ -393,7 +393,7 @@ class StudyBase(Table):
 
     @property
     def rows_per_period(self) -> int:
-        """Rows of the trace in a period of the current loop; 1, too, where a row stands for several."""
+        """Rows of the trace per period of the current loop; also 1 if a row is for several periods."""
         return 1
 
     @property
@@ -409,7 +409,7 @@ class StudyBase(Table):
     @property
     @abstractmethod
     def own_signals(self) -> dict[str, Dimension] | None:
-        """All signals of a plant that is no drive; None for a drive, whose signals are in signals.def."""
+        """All signals of a linear plant; None for a drive, whose signals are in signals.def."""
 
     @property
     @abstractmethod
@@ -418,18 +418,18 @@ class StudyBase(Table):
 
     @abstractmethod
     def timing(self, scenario: str) -> Timing:
-        """Number of ticks in a run, their rate, and how many make a sample of the law and a trace row."""
+        """Number of ticks in a run, ticks per second, per sample of the law and per trace row."""
 
     @abstractmethod
     def when(self, scenario: str, tick: int) -> str:
-        """The time of a tick, or its trial, as text that follows other words of a message."""
+        """The time of a tick, or the trial of a tick, as text that continues a message."""
 
     @abstractmethod
     def conditions(self, scenario: str) -> Conditions:
-        """What metrics of a scenario need besides a trace."""
+        """Data of a scenario that metrics need besides a trace."""
 
     def belt(self, scenario: str) -> Belt | None:
-        """The belt that pulls a carriage in a scenario; None: there is none, or it has no runs of speed."""
+        """The belt that pulls a carriage in a scenario; None without a belt, and in a study of trials."""
         return None
 
     @abstractmethod
@@ -438,11 +438,11 @@ class StudyBase(Table):
 
     @abstractmethod
     def columns_of(self, metric: Metric) -> list[tuple[int | None, str]]:
-        """Place and name of each value of a metric in a table of many runs; None is the last place."""
+        """Index and name of each value of a metric, for a table of many runs; index None: the last value."""
 
     @abstractmethod
     def scenario_facts(self, scenarios: Iterable[str]) -> dict[str, Any]:
-        """Entries of results.json about scenarios, beside their runs."""
+        """Entries of results.json about scenarios, in addition to the runs."""
 
 
 SPOKEN = (ANGULAR_SPEED, ANGLE)
@@ -466,7 +466,7 @@ def speed_text(study: StudyBase, omega_m: float, digits: int = 4) -> str:
     """Magnitude of a speed as a text, in the unit that the study uses. `omega_m`: in rad/s."""
     unit = spoken_unit(study, ANGULAR_SPEED)
     rounded = float(f"{units.convert(abs(omega_m), unit, ANGULAR_SPEED):.{digits}g}")
-    return f"{rounded:g} {unit}"  # 200 rpm in one digit, and not 2e+02
+    return f"{rounded:g} {unit}"  # with one digit: 200 rpm, and not 2e+02
 
 
 def _texts(value: Any) -> Iterator[str]:

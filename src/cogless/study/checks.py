@@ -1,6 +1,6 @@
 """Checks that concern several tables of a study. Each raises an error that names the wrong key.
 
-Check that a fault is in something that the drive has, and lasts long enough to be measured.
+A fault must be in something that the drive measures, and must last long enough to be measured.
 """
 
 from __future__ import annotations
@@ -48,7 +48,10 @@ def faults(study: Study | TrialStudy) -> None:
 
 
 def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> None:
-    """Refuse a fault shorter than a period of the current loop, which has one measurement each."""
+    """Refuse a fault without a measurement: one is made per current-loop period.
+
+    The fault must last a period or more, and begin a period or more before the end, s, of the run.
+    """
     period = f"{1 / rate:g} s, one period of the measurements"
     if fault.duration * rate < 1 - 1e-9:
         raise invalid(f"expected {period}, or more", *where, "duration")
@@ -72,7 +75,7 @@ def names(study: StudyBase) -> None:
 
 
 def references(study: StudyBase) -> None:
-    """Check that the controllers which scenarios name exist, and that a scenario has one."""
+    """Check that each scenario has a controller, and that the controllers that it names exist."""
     for name, scenario in study.scenario.items():
         if scenario.controllers == ():
             raise invalid(one_of(study.controller), "scenario", name, "controllers")
@@ -89,9 +92,9 @@ def baseline(study: StudyBase) -> None:
 
 
 def trace_rate(study: Study) -> None:
-    """Check that trace rows coincide with current-loop periods, or that periods have whole numbers of them.
+    """Check that the rate of trace rows divides the current loop's rate, or is a multiple of it.
 
-    Without pulses nothing happens between the samples of the currents that those don't show.
+    A multiple needs a switched inverter: without pulses, rows between current samples show nothing new.
     """
     rate, ticks, inverter = study.trace.rate, study.drive.rates.current_loop, study.drive.inverter
     if rate is None or _whole(ticks / rate):
@@ -147,7 +150,10 @@ def speeds_of_laws(study: Study) -> None:
 
 
 def feedback_under_guard(study: Study) -> None:
-    """Check that a law that the guard tries against its own feedback has some: else it could never learn."""
+    """Check that each law under the guard has feedback.
+
+    The guard compares learning with the feedback alone. So without feedback the law could never learn.
+    """
     if not study.drive.guard or study.drive.rates.position_loop is not None:
         return
     for name, law in study.controller.items():
@@ -160,7 +166,7 @@ def feedback_under_guard(study: Study) -> None:
 
 
 def slots(study: Study) -> None:
-    """Check that the motor tells its slots, or a law its base, where orders follow from them."""
+    """Check that the motor has `slots`, or each law that would need them for its orders has a `base`."""
     motor = study.motor
     if (
         not isinstance(motor, Motor)
@@ -180,7 +186,7 @@ def slots(study: Study) -> None:
 
 
 def sensor_side(study: Study | TrialStudy) -> None:
-    """Check that a sensor on the load's side has one, and that its turn holds whole turns of the motor."""
+    """Check that a load side exists for a sensor on it, and that the gear's ratio is a whole number."""
     if study.drive is None or study.mechanics is None or study.drive.position_sensor.side == "motor":
         return
     key = ("drive", "position_sensor", "side")
@@ -192,7 +198,10 @@ def sensor_side(study: Study | TrialStudy) -> None:
 
 
 def accelerometer(study: Study) -> None:
-    """Check that the trace is fine enough for the samples of an accelerometer, and that a log has some."""
+    """Check that the trace is fine enough for an accelerometer, and that no two runs have equal log names.
+
+    A log must begin in the first half of the shortest run.
+    """
     belt = study.mechanics.belt
     if belt is None or belt.accelerometer is None:
         return

@@ -1,10 +1,7 @@
-"""Tables in CSV files: any columns, a value over the angle, a reference over time.
+"""Read tables in CSV files. The heading names columns and their units, and errors name the line.
 
-Read a CSV file whose heading names columns and their units, with errors that name the line.
-
-A value over one revolution from a CSV file: angle and value, in the units that its heading names.
-
-A reference from a CSV file: time and speed, in the units that its heading names.
+`rising`: a value along another that rises. `read`: a value over the angle of one revolution. `points`: a
+reference, speed over time, whose file may lack the heading.
 """
 
 from __future__ import annotations
@@ -28,7 +25,7 @@ from cogless.units import TURN, Dimension
 
 DECIMAL_POINT_HINT = ", and decimal points in numbers"
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
-VALUE_MOST = 1e9  # largest value in the column's unit: beyond any drive
+VALUE_MOST = 1e9  # bound of a value in the column's unit, beyond any drive
 COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # finds "error" in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 
@@ -43,14 +40,14 @@ def cell_lines(path: Path) -> list[list[str]]:
 
 
 def finite(text: str, number: float, name: str, where: str) -> float:
-    """The number, if it is finite and not absurd; else an error that quotes its cell."""
+    """Return the number; raise an error that quotes the cell if the number isn't below VALUE_MOST."""
     if not abs(number) < VALUE_MOST:
         raise invalid(f"{where}{quoted_cells(text)}: expected a finite {name}", "file")
     return number
 
 
 def scale(cell: str, name: str, dimension: Dimension) -> float | None:
-    """Factor to SI of the unit that a cell of the heading names; None without one."""
+    """Factor to SI of the unit that a cell of the heading names; None if the cell names no unit."""
     unit = _unit(cell)
     try:
         return None if unit is None else units.factor(unit, dimension)
@@ -77,7 +74,7 @@ def quoted_cells(*cells: str) -> str:
 
 @dataclass(frozen=True)
 class Rising:
-    """A value along another that rises from line to line, both SI."""
+    """A column of values, and a column along which they are given and which rises; both SI."""
 
     name: str  # heading of the value's column
     along: list[float] = field(default_factory=list)
@@ -86,9 +83,9 @@ class Rising:
 
 
 def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimension]) -> Rising:
-    """Read the column `along`, which must rise, and one of `columns`, whichever the heading has.
+    """Read the column `along`, which must rise, and the one of `columns` that the heading has.
 
-    Other columns are left alone. The errors' key is "file".
+    Other columns are ignored. Errors name the key "file".
     """
     heading, *rows = cell_lines(path) or [[]]
     if len(heading) == 1 and any(other in heading[0] for other in ";\t"):
@@ -156,9 +153,9 @@ def _number(text: str, name: str, line: int) -> float:
     return finite(text, number, name, where)
 
 
-POINTS_LEAST = 8  # points
-GAP_RATIO = 5.0  # a spacing of more than this many medians is a hole in the table
-# the step from the end to the start is a mistake if it is this many times the largest other step
+POINTS_LEAST = 8  # points in a revolution
+GAP_RATIO = 5.0  # largest spacing of angles / median spacing; above, the table has a hole
+# step of the value from the end to the start / largest other step; above, the table doesn't close
 SEAM_RATIO = 3.0
 
 
@@ -201,10 +198,10 @@ def _harmonics(table: OverAngle, highest: int) -> tuple[tuple[float, float], ...
 
 
 def read(path: Path, columns: Mapping[str, Dimension], key: str = "file") -> OverAngle:
-    """Read the column `angle` and one of `columns`, whichever the heading has; others are left alone.
+    """Read the column `angle` and the one of `columns` that the heading has; other columns are ignored.
 
-    A last point a revolution after the first closes the table and is left out. `key`: of the study's table,
-    whose value is the file. The errors name it and the line.
+    A last point a revolution after the first closes the table and is left out. `key`: the key of the study
+    that names the file. Errors name this key and the line.
     """
     try:
         return _read(path, columns)
@@ -218,7 +215,7 @@ def _read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
 
 
 def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> OverAngle:
-    """The table, if it covers a revolution without holes and its end fits its start."""
+    """Return the table; refuse one with holes, of another length than a revolution, or that doesn't close."""
     if len(angle) < POINTS_LEAST:
         raise invalid(
             f"{len(angle)} lines of numbers: expected {POINTS_LEAST} or more over a revolution", "file"
@@ -228,7 +225,7 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
         raise invalid(
             f"line {last}: {math.degrees(span):.6g} deg after the first: expected one revolution", "file"
         )
-    largest = max(abs(b - a) for a, b in pairwise(value[:-1]))  # the last may be the start again
+    largest = max(abs(b - a) for a, b in pairwise(value[:-1]))  # the last point may repeat the start
     step = abs(value[-1] - value[0])
     if step > SEAM_RATIO * largest:
         raise invalid(
@@ -255,7 +252,7 @@ Points = tuple[tuple[float, float], ...]
 
 
 def points(path: Path) -> Points:
-    """Time (s) and speed (rad/s) of each line; raises an error that names the line and quotes it."""
+    """Time (s) and speed (rad/s) of each line of the file. Errors name the wrong line and quote it."""
     time_and_speed: list[tuple[float, float]] = []
     scales, expected = (
         (1.0, 1.0),

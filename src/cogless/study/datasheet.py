@@ -1,15 +1,14 @@
-"""What a datasheet says of a motor: its measured tables, and its words for magnet and winding.
+"""Data of a motor from datasheets: measured tables, and words for magnet and winding.
 
-Measured cogging and back-EMF of a motor: CSV tables over a revolution, as harmonics for the plant.
+Measured cogging and back-EMF are CSV tables over a revolution, which become harmonics for the plant: the
+orders that the study names, or else the largest ones. Without named orders, the orders that are left out must
+be a small share of the table.
 
-The plant has harmonics, so a table becomes its largest orders, or those that are named. What they leave out
-must be a small share of the table, unless the orders are named.
+Words of datasheets for a motor's magnet, resistance and inductance are converted.
 
-Words of datasheets for a motor's magnet, resistance and inductance, and their conversion.
-
-A word's name says what its number is of: of a winding, from line to line or from line to star point (phase),
-rms or peak. If a motor has several words for one thing they must agree: the factors between them (2, sqrt 2,
-sqrt 3) are those by which datasheets are misread.
+A word's name says how the number is measured: on a winding, from line to line or from line to star point
+(phase), rms or peak. If a motor has several words for one quantity they must agree: datasheets are often
+misread by a factor of 2, sqrt 2 or sqrt 3.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ from cogless import units
 from cogless.study.csv_table import OverAngle, read
 from cogless.study.table import AngularSpeed, Current, File, Many, Table, Torque, Voltage, invalid
 
-MOST_ORDERS = 48  # that a table becomes unless they are named; each costs time in every step
-LEFT_OUT = 0.02  # largest share of the table's rms that may be left out then
+MOST_ORDERS = 48  # largest number of orders from a table without named orders; each costs time in every step
+LEFT_OUT = 0.02  # share of a table's rms that may be left out, without named orders
 OFFSET_MOST = 0.1  # largest mean / rms
-FUNDAMENTAL_LEAST = 0.1  # smallest fundamental / rms: with other pole pairs there is none, and no torque
+FUNDAMENTAL_LEAST = 0.1  # smallest fundamental / rms; with wrong pole pairs there is no fundamental
 AGREEMENT_MOST = 0.05  # relative difference at which a stated size still agrees with the table
 
 TableOrder = Annotated[int, Field(ge=1, le=10_000)]
-Wave = tuple[int, complex]  # an order n of the table and c: Re(c e^{j n angle})
+Wave = tuple[int, complex]  # order n of the table and coefficient c: Re(c e^{j n angle})
 
 
 class AngleFile(Table):
@@ -52,9 +51,10 @@ class AngleFile(Table):
     def _waves(
         self, needed: Iterable[int] = (), without_effect: int | None = None, key: tuple[str, ...] = ()
     ) -> list[Wave]:
-        """The orders that are taken. `needed`: always among them; multiples of `without_effect` never.
+        """The waves of the table that the plant gets.
 
-        `key`: this table's, within the one that is validated.
+        `needed`: orders that are always taken. Multiples of `without_effect` are never taken. `key`: key of
+        this table in the validated table, for errors.
         """
         table = self._table
         highest = (len(table.angle) - 1) // 2
@@ -95,7 +95,7 @@ class AngleFile(Table):
         return sorted(taken)
 
     def _check_size(self, unit: str, start: str = "") -> None:
-        """Refuse a stated size that the table does not have. `start`: of the keys that state it."""
+        """Refuse a stated peak that the table does not have. `start`: prefix of the keys that state peaks."""
         low, high = min(self._table.value), max(self._table.value)
         for key, size in ((f"{start}peak", max(-low, high)), (f"{start}peak_to_peak", high - low)):
             stated = getattr(self, key)
@@ -146,7 +146,7 @@ class CoggingTable(AngleFile):
         return len(self._table.angle)
 
     def highest(self, pole_pairs: int) -> int:
-        """The highest mechanical order that its points tell."""
+        """The highest mechanical order that the points of the table resolve."""
         return (self.points - 1) // 2 * (pole_pairs if self.frame == "electrical" else 1)
 
     def harmonics(self, K_t: float, pole_pairs: int) -> list[tuple[int, float, float]]:
@@ -199,7 +199,7 @@ class BackEmfTable(AngleFile):
             for n, c in waves
             if n % per_turn == 0
         }
-        zero = cmath.phase(of_phase[1]) - math.pi / 2  # the table's angle where theta_e is zero, negated
+        zero = cmath.phase(of_phase[1]) - math.pi / 2  # minus the table's angle at which theta_e is zero
         linkage = dict[int, complex]()
         for n, c in of_phase.items():
             wave = c * cmath.exp(-1j * n * zero) / (1j * n)
@@ -215,14 +215,14 @@ class BackEmfTable(AngleFile):
         return psi_f, harmonics
 
     def _difference(self, n: int) -> complex:
-        """Voltage of the table over that of phase a, at an electrical order."""
+        """Ratio of the table's voltage to the voltage of phase a, at electrical order n."""
         return 1 - cmath.exp(-2j * math.pi * n / 3) if self.between == "line-to-line" else 1.0
 
 
-FACTOR_TOLERANCE = 0.03  # relative distance from a factor that still is this factor
+FACTOR_TOLERANCE = 0.03  # relative difference up to which a ratio counts as a known factor
 
-# K_t, torque per peak line current, as a factor of each back-EMF constant; phases are sinusoidal. The speed
-# constants are the reciprocals.
+# Ratio of K_t, torque per peak line current, to each back-EMF constant, for sinusoidal phases. Speed
+# constants are the reciprocals of back-EMF constants.
 PER_BACK_EMF = {
     "line_to_line_peak": math.sqrt(3) / 2,
     "line_to_line_rms": math.sqrt(1.5),
@@ -240,7 +240,7 @@ RESISTANCE_KEYS = ("R_s", "resistance_line_to_line")
 INDUCTANCE_KEYS = ("L_d", "L_q", "inductance_line_to_line")
 STEP_MOTOR_WORDS = (("teeth", "step_angle"), ("L_m", "holding_torque"), ("L_f", "detent_torque"))
 
-# of datasheets, for what has another key
+# words of datasheets, with the key that the study has in their place
 OTHER_WORDS = {"torque_constant": "K_t", "J": "mechanics.inertia", "inertia": "mechanics.inertia"}
 
 RMS_AND_PEAK, PHASE_AND_LINES = "rms and peak", "phase and line to line"
@@ -257,7 +257,7 @@ MIXED_UP = (
 
 
 def replaced_by(key: str) -> frozenset[str]:
-    """Other keys of [motor] that say the same as this one; a change to it replaces them."""
+    """Other keys of [motor] that state the same quantity as `key`; a change of `key` removes them."""
     for words in (MAGNET, RESISTANCE_KEYS, *STEP_MOTOR_WORDS):
         if key in words:
             return frozenset(words) - {key}
@@ -267,14 +267,14 @@ def replaced_by(key: str) -> frozenset[str]:
 
 
 def replaced_by_any(keys: Iterable[str]) -> frozenset[str]:
-    """All keys of [motor] that one of these replaces."""
+    """All keys of [motor] that a change of one of these keys removes."""
     return frozenset[str]().union(*map(replaced_by, keys))
 
 
 def torque_constant(word: str, value: float, pole_pairs: int, flux_factor: float) -> float:
     """K_t of the star equivalent, N*m per peak A, from one of the words for the magnet.
 
-    `flux_factor`: flux linkage of the star equivalent over that of a winding.
+    `flux_factor`: flux linkage of the star equivalent / flux linkage of a winding.
     """
     if word == "psi_f":
         return 1.5 * pole_pairs * flux_factor * value
@@ -286,7 +286,7 @@ def torque_constant(word: str, value: float, pole_pairs: int, flux_factor: float
 
 
 def check_agreement(by_word: Mapping[str, float]) -> None:
-    """Refuse words for one thing that disagree. `by_word`: what each of them makes of the same quantity."""
+    """Refuse words for one quantity that disagree. `by_word`: the quantity as computed from each word."""
     first, *others = by_word
     for other in others:
         if not math.isclose(by_word[other], by_word[first], rel_tol=AGREEMENT_MOST):
@@ -295,7 +295,7 @@ def check_agreement(by_word: Mapping[str, float]) -> None:
 
 
 def _block_commutated(by_word: Mapping[str, float], first: str, other: str) -> str:
-    """The words that say which key to delete where K_t is that of block commutation; "" elsewhere.
+    """Text that says which key to delete if K_t is a value of block commutation; "" in other cases.
 
     Block commutation has current in two phases at a time. Its torque per current is the back-EMF between two
     lines over the speed, 1 / kv. Three sinusoidal currents of the same peak give sqrt(3)/2 of that torque,
@@ -317,7 +317,10 @@ def _why(one: float, other: float) -> str:
 
 
 def mixed_up(times: float, near: float) -> str:
-    """What is mixed up where two numbers for one thing differ by about this factor; "" if that is unknown."""
+    """Text on what is mixed up if two values differ by about the factor `times`; "" for an unknown factor.
+
+    `near`: largest relative difference from a known factor.
+    """
     factor, name, mixed = min(MIXED_UP, key=lambda entry: abs(times / entry[0] - 1))
     if abs(times / factor - 1) > near:
         return ""

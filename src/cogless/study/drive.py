@@ -93,10 +93,10 @@ class Quality(Table):
 
 
 ENCODER_TABLE_ORDERS = whole_number("CGL_ENCODER_TABLE_ORDERS")
-SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c
+SETTLED_TIMES = 10.0  # time constants after which the observer of encoder_table.c has settled
 CURRENT_MARGIN = 2.0  # largest plausible current / current limit
 SUM_SHARE = 0.5  # largest plausible sum of the phases' currents / current limit
-FALSE_TRIP_DEVIATIONS = 6  # a normal noise is beyond them once in 5e8 samples: in some hours at 20 kHz
+FALSE_TRIP_DEVIATIONS = 6  # standard deviations; normal noise exceeds them once in 5e8 samples: 7 h at 20 kHz
 PAST_MAX = 100_000  # longest delay in current-loop periods
 TRACE_ROWS_MOST = 20_000_000  # rows of one run: 4 GB with some 25 signals of 8 bytes each
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
@@ -116,8 +116,8 @@ class Belief(Table):
     """Assumed flux linkage."""
 
     def resolved(self, motor: StarMotor) -> StarBelief:
-        """The assumed parameters converted to the star equivalent; those that are left out are the true
-        ones."""
+        """The assumed parameters, converted to the star equivalent. Parameters left out have their true
+        values."""
 
         def believed(value: float | None, factor: float, truth: float) -> float:
             return truth if value is None else factor * value
@@ -266,7 +266,7 @@ class CurrentReference(Table):
     controllers."""
 
 
-REACH_SHARE = 1 - 1e-5  # of the largest equivalent current: the C library's, rounded, is not below it
+REACH_SHARE = 1 - 1e-5  # factor on the largest equivalent current: not above the C library's rounded value
 
 
 class Inverter(Table):
@@ -297,7 +297,7 @@ class Inverter(Table):
 
     @property
     def edge_share(self) -> float:
-        """Share of the current-loop periods in which a leg has an edge that costs it a dead time."""
+        """Share of the current-loop periods in which a leg loses a dead time at an edge."""
         return 0.5 if self.pwm == "two-updates" else 1.0
 
 
@@ -340,7 +340,8 @@ class EncoderTable(Table):
 
     @property
     def bandwidth(self) -> float:
-        """Bandwidth of the observer that predicts the angle, rad/s: far below the lowest order."""
+        """Bandwidth of the observer that predicts the angle, rad/s: a quarter of the lowest order's frequency
+        at omega_min."""
         return self.omega_min * self.orders[0] / 4
 
     @property
@@ -367,7 +368,7 @@ class CurrentSensors(Table):
 
     @property
     def variance(self) -> float:
-        """Variance of a measured current, A^2. A converter's step q counts as white noise: q^2 / 12."""
+        """Variance of a measured current, A^2. A converter's step q adds white noise of variance q^2 / 12."""
         step = 2 * self.range / 2**self.bits if self.bits else 0.0
         return self.noise**2 + step**2 / 12
 
@@ -444,7 +445,7 @@ class Drive(Table):
 
     @model_validator(mode="after")
     def _pulses(self) -> Self:
-        """Refuse a shortest pulse that not even duty cycles of one half have."""
+        """Refuse a minimum pulse so long that even duty cycles of one half have shorter pulses."""
         inverter = self.inverter
         if inverter is None or not inverter.minimum_pulse:
             return self
@@ -465,7 +466,7 @@ class Drive(Table):
 
     @model_validator(mode="after")
     def _observable(self) -> Self:
-        """Refuse an observer that is faster than the current loop's sampling lets it be."""
+        """Refuse an observer or a speed filter that is too fast for the sampling rate of the current loop."""
         sensor, fastest = self.position_sensor, self.rates.current_loop / math.pi
         expected = f"expected at most {fastest:.4g} Hz, a third of current_loop"
         if isinstance(sensor, Counted) and (sensor.observer_bandwidth or 0.0) > fastest:
@@ -476,7 +477,7 @@ class Drive(Table):
 
     @model_validator(mode="after")
     def _remembered(self) -> Self:
-        """Refuse delays that are longer than a drive's memory of them."""
+        """Refuse delays that are longer than the engine's memory of past values."""
         longest, rate = PAST_MAX / self.rates.current_loop, self.rates.current_loop
         sensor, bus = self.position_sensor, self.bus
         delays = {"position_sensor.latency": sensor.latency} if isinstance(sensor, Counted) else {}
@@ -518,9 +519,9 @@ class Drive(Table):
         return (2 if self.inverter.pwm == "two-updates" else 1) / self.rates.current_loop
 
     def largest_torque_current(self, motor: StarMotor) -> float:
-        """The largest output of a law, A: the equivalent q-axis current of most torque at current_limit.
+        """The largest output of a law, A: the equivalent q-axis current of the most torque at current_limit.
 
-        Without a current reference, or without a salient rotor, it is current_limit.
+        This is current_limit itself without MTPA (`current_reference`) or without a salient rotor.
         """
         limit, belief = self.current_loop.current_limit, self.belief.resolved(motor)
         reference = self.current_reference
@@ -533,7 +534,8 @@ class Drive(Table):
     def current_noise(self, phases: int) -> dict[str, float]:
         """Six standard deviations of the current sensors' noise, A, for each bound of the monitor.
 
-        The vector's is that of its noisiest direction. With two sensors the third phase has noise of both.
+        The bound of the current vector takes its noisiest direction. With two sensors, the computed third
+        phase has the noise of both.
         """
         of_three = 2.0 if self.current_sensors.sensors == 2 else 2 / 3
         variances = {"current_max": of_three if phases == 3 else 1.0, "current_sum": 3.0}

@@ -3,10 +3,9 @@
 x' = A x + B (u - d), y = C x        continuous
 x(p+1) = A x(p) + B (u(p) - d(p))    discrete
 
-x: states, u: input, d: load (disturbance of the input), y: output. The law sees x with noise, where the
-plant has noise.
+x: states, u: input, d: load (disturbance of the input), y: output. The law sees x with the plant's noise.
 
-Evaluate arithmetic in a study: texts such as "-B / J" over named parameters. No other code is run.
+Entries of A and B may be texts of arithmetic over named parameters, such as "-B / J". No other code is run.
 """
 
 from __future__ import annotations
@@ -116,8 +115,7 @@ class Parameter(Table):
 
     @property
     def nominal(self) -> float:
-        """The value that the feedforward is designed for, and that trials have unless an override changes
-        it."""
+        """The value for which the feedforward is designed, and which trials have without an override."""
         if self.value is not None:
             return self.value
         assert self.range is not None
@@ -213,7 +211,7 @@ class LinearPlant(Table):
     def matrices_at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         """A and B for these parameter values; parameters that are left out are nominal.
 
-        For a plant of vertices: those of vertex number parameters["vertex"], from 1, else the mean of all.
+        For a plant of vertices: A and B of vertex number parameters["vertex"], from 1, else the mean of all.
         """
         if self.vertex:
             number = parameters.get("vertex")

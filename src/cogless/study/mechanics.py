@@ -266,7 +266,7 @@ class Belt(Table):
 
     @property
     def radius(self) -> float:
-        """Way of the carriage per angle of the motor, m/rad."""
+        """Distance that the carriage moves per angle of the motor, m/rad."""
         return self.pulley_teeth * self.pitch / TURN
 
     @property
@@ -308,7 +308,7 @@ class Mechanics(Mass):
 
     @property
     def stiff(self) -> Mechanics:
-        """The same seen from the motor if shaft and gear were rigid: sums of inertia and sliding friction."""
+        """The mechanics for the motor, with rigid shaft and gear: sums of inertia and sliding friction."""
         side = self.load_side
         if side is None:
             return self

@@ -16,7 +16,7 @@ from cogless.study.toml import quoted
 from cogless.study.toml import toml as toml
 
 MISSING = object()
-MOST_TOLD = 20  # mistakes in one message, at most
+MOST_TOLD = 20  # largest number of mistakes in one message
 
 # Messages for pydantic's own checks, by type of error; pydantic's context fills in the braces.
 EXPECTED = {
@@ -63,7 +63,7 @@ class Problem:
     expected: str
 
     def line(self, file: Path | str, prefix: str = "") -> str:
-        """The line to print. `prefix`: stands before the key."""
+        """The line to print. `prefix`: text in front of the key."""
         key = prefix + dotted(self.key)
         return ": ".join(part for part in (str(file), key, self.value, self.expected) if part)
 
@@ -86,7 +86,7 @@ def toml_text(value: Any) -> str:
 def problems(error: ValidationError, tables: Any) -> list[Problem]:
     """Pydantic's errors in these tables as problems, one per key, in the order of the file."""
     errors = error.errors(include_url=False, include_input=False)
-    # Pydantic reports every missing index of a short array; the last one tells the length that is needed.
+    # Pydantic reports every missing index of a short array; the last index gives the length that is needed.
     lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in errors if d["type"] == "missing"}
     first = {d["loc"][:-1]: d for d in reversed(errors) if d["type"] == "missing"}
     own_errors = [d for d in errors if d["type"] != "missing" or first[d["loc"][:-1]] is d]
@@ -104,7 +104,7 @@ def study_error(lines: Sequence[str]) -> StudyError:
 
 
 def _either(same: Sequence[Problem]) -> Problem:
-    """Merge the problems at one key, which pydantic reports once for each type that it accepts there."""
+    """Merge the problems at one key, of which pydantic reports one for each type that the key accepts."""
     first, *others = dict.fromkeys(problem.expected for problem in same)
     return replace(same[0], expected=" or ".join([first, *(o.removeprefix("expected ") for o in others)]))
 
@@ -126,7 +126,7 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
     kind = details["type"]
     if kind.startswith("union_tag"):
-        key = (*key, context["discriminator"].strip("'_()"))  # as pydantic writes it: "'law'" or "_kind()"
+        key = (*key, context["discriminator"].strip("'_()"))  # pydantic writes "'law'" or "_kind()"
     value = look_up(tables, key)
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
     is_present = value is not MISSING and not (kind == "study" and isinstance(value, dict))
@@ -157,11 +157,10 @@ def _expected(kind: str, context: dict[str, Any], message: str) -> str:
 
 
 def _existing(location: Key, tables: Any) -> Key:
-    """The part of pydantic's location that is in the file, without names of union members and other
-    additions."""
+    """The part of pydantic's location that is a key of the file; names of union members are left out."""
     key: list[str | int] = []
     for index, part in enumerate(location):
-        nested = tuple(str(part).split("."))  # a dotted key, as [vary] has, may be tables within tables
+        nested = tuple(str(part).split("."))  # the file may write a dotted key of [vary] as nested tables
         if len(nested) > 1 and look_up(tables, (part,)) is MISSING and look_up(tables, nested) is not MISSING:
             key += nested
             tables = look_up(tables, nested)

@@ -17,7 +17,7 @@ from cogless.signals import RECORDED, dimensions
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
-OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals beside those that drives have, too
+OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals that linear plants have and drives lack
 # Dimension of every signal that a run may have, recorded or derived; a linear plant's have no unit.
 SIGNAL_DIMENSIONS = {
     **dict.fromkeys(OF_LINEAR_PLANTS, units.NONE),
@@ -37,16 +37,16 @@ OWN_DIMENSIONS = {
     "time-to-learn": units.TIME,
     "carriage-ripple": units.LENGTH,
 }
-TURN_SHORTFALL_MOST = 1e-3  # of a revolution, that a window of whole ones may be short
+TURN_SHORTFALL_MOST = 1e-3  # revolutions by which a window of whole revolutions may be short
 STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
-OF_A_CARRIAGE = ("theta_load", "theta_m")  # angles that are a belt's way by its pulley's radius
-CARRIAGE_ORDERS = tuple(range(1, 9))  # of an electrical revolution: the band that carriage-ripple counts
-ROWS_OF_PULSES_LEAST = 16  # in a period of the PWM, for switching-ripple: fewer miss most of its short pulses
+OF_A_CARRIAGE = ("theta_load", "theta_m")  # angles that, times the pulley's radius, are a carriage's way
+CARRIAGE_ORDERS = tuple(range(1, 9))  # electrical orders that carriage-ripple counts
+ROWS_OF_PULSES_LEAST = 16  # rows per PWM period for switching-ripple: fewer miss most of the short pulses
 WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
-EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # trials have one value each
-LAST_TRIAL = "last"  # the value that a table of many runs has of a number in each trial
-EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # only there
+EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # kinds with a value for each trial
+LAST_TRIAL = "last"  # name of the last trial's value, which a table of many runs has of these kinds
+EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # kinds with a value for each phase; trials only
 
 
 class Metric(Table):
@@ -211,7 +211,7 @@ class Metric(Table):
 
     @property
     def between_samples(self) -> bool:
-        """Whether it needs rows of the trace between the samples of a switched drive's currents."""
+        """Whether the metric needs trace rows between the samples of a switched drive's currents."""
         recorded = RECORDED.get(self.signal or "")
         return self.kind == "switching-ripple" or (recorded is not None and "within_periods" in recorded.when)
 
@@ -222,12 +222,12 @@ class Metric(Table):
 
     @property
     def by_electrical_turn(self) -> bool:
-        """Whether these orders count in an electrical revolution."""
+        """Whether `fourier_orders` are those of an electrical revolution."""
         return self.kind == "carriage-ripple" or self.frame == "electrical"
 
     @property
     def better_direction(self) -> str:
-        """The direction that is better: as `better` says, but a band is by default better left late."""
+        """The key `better`, but by default "higher" for `exceeds`: leaving a band late is better."""
         later = self.kind == "exceeds" and "better" not in self.model_fields_set
         return "higher" if later else self.better
 
@@ -287,7 +287,7 @@ def result_name(metric: Named) -> str:
 
 
 def turns_held(turns: float, row: float) -> float:
-    """The revolutions of a window, plus the shortfall that is allowed of whole revolutions.
+    """The revolutions of a window, `turns`, plus the allowed shortfall from whole revolutions.
 
     The shortfall is two rows, or TURN_SHORTFALL_MOST for a speed that is slightly low. `row`: revolutions
     from row to row.

@@ -1,6 +1,6 @@
 """Checks of a study's metrics. Each raises an error that names the wrong key.
 
-Find out which signals the runs of a study have, and why a signal is missing.
+`missing` finds out whether the runs of a study have a signal, and why they lack it.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _missing(signal: str, kinds_present: frozenset[str]) -> str | None:
     return NEEDED[next(lacks)]
 
 
-FEWEST_ROWS = 10  # a metric's window has no fewer
+FEWEST_ROWS = 10  # least rows in a metric's window
 OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys that metrics of trials don't have
 
 
@@ -122,7 +122,7 @@ def metrics(study: Study | TrialStudy) -> None:
 
 
 def known_signals(study: Study | TrialStudy) -> None:
-    """Check that metrics are of signals that a run has, and that a carriage's metric has a belt."""
+    """Check that a run has each metric's signal, and that a metric of the carriage has a belt."""
     has_belt = study.mechanics is not None and study.mechanics.belt is not None
     for index, metric in enumerate(study.metric):
         if metric.kind == "carriage-ripple" and not has_belt:
@@ -151,7 +151,7 @@ def windows(study: Study) -> None:
 
 
 def _between_samples(study: Study, index: int) -> None:
-    """Refuse a metric of the ripple by pulses where there are none, or no rows that show it."""
+    """Refuse `switching-ripple` if the inverter makes no pulses, or the trace has too few rows for them."""
     if not study.drive.pwm_period:
         why = "the current loop is ideal" if study.drive.ideal else "the inverter is averaged"
         raise invalid(f"expected another kind, since {why}", "metric", index, "kind")

@@ -55,7 +55,7 @@ def _fastest(reference: Reference) -> float:
 
 
 def _unfiltered(reference: Reference, initial_speed: float, t: Real) -> tuple[Real, Real]:
-    """Reference speed and acceleration at times t, ahead of the smoothing filter."""
+    """Reference speed, rad/s, and acceleration, rad/s^2, at times t, s, before the smoothing filter."""
     r = reference
     if r.kind == "ramp":
         change = r.speed - initial_speed

@@ -1,14 +1,14 @@
 """The motor: a permanent-magnet synchronous machine in dq, with cogging and flux harmonics.
 
-The permanent-magnet step motor with non-sinusoidal flux (Verrelli 2016, sections 2 and 5).
+Also the permanent-magnet step motor with non-sinusoidal flux (Verrelli 2016, sections 2 and 5).
 
-The motor has two phases. Its torque and speed voltages are those of a PMSM with flux harmonics of electrical
-order j - 1 whose amplitudes are the same in both axes. So the same plant model simulates both kinds of motor:
+A step motor has two phases. It has the torque and speed voltages of a PMSM with flux harmonics of electrical
+order j - 1 whose amplitudes are equal in both axes. So the same plant model simulates both kinds of motor:
 
     torque = N_r i_f (sum_j j L_mj cos((1 - j) N_r theta) i_q + sum_j j L_mj sin((1 - j) N_r theta) i_d)
              + 2 N_r L_1 i_d i_q - N_r i_f^2 / 2 sum_j j L_fj sin(j N_r theta)
 
-A motor of either kind, synchronous or step motor, according to its key `kind`; default: synchronous.
+The key `kind` of [motor] chooses a synchronous motor, the default, or a step motor.
 """
 
 from __future__ import annotations
@@ -301,7 +301,7 @@ class Motor(Table):
 
     @cached_property
     def star_equivalent(self) -> StarMotor:
-        """As `star`, which every kind of motor has."""
+        """The result of `star`, computed once."""
         impedance, flux = self._factors
         K_t = next(iter(self._torque_constants.values()))
         L_d, L_q = (
@@ -353,13 +353,13 @@ class StarMotor:
     psi_f: float  # Wb
     K_t: float  # N*m/A
     impedance_factor: float  # R and L of this equivalent over those of one winding
-    flux_factor: float
+    flux_factor: float  # flux linkage of this equivalent over that of one winding
     flux_harmonics: tuple[FluxHarmonic, ...]
     cogging: tuple[CoggingTorque, ...]
     phases: int = 3
     torque_ripple: tuple[TorqueRipple, ...] = ()
-    saturation: Saturation | None = None  # of the simulated motor; L_d, L_q, psi_f are without current
-    temperature: MotorTemperature | None = None  # of the simulated motor; the rest is at its reference
+    saturation: Saturation | None = None  # simulated motor only; L_d, L_q and psi_f hold at zero current
+    temperature: MotorTemperature | None = None  # simulated motor only; R_s and psi_f hold at its `reference`
 
     @property
     def power_factor(self) -> float:
@@ -374,7 +374,7 @@ STEP_ANGLE_TOLERANCE = 1e-6  # relative
 
 
 def teeth_of(step_angle: float) -> int:
-    """Teeth of a rotor whose full step is this angle, rad; 0: it is of no step motor."""
+    """Teeth of a rotor whose full step is this angle, rad; 0: no step motor has this step."""
     count = math.tau / STEPS_IN_A_PERIOD / step_angle if step_angle > 0 else 0.0
     is_whole = math.isclose(count, round(count), rel_tol=STEP_ANGLE_TOLERANCE)
     return round(count) if is_whole and count < MOST_TEETH + 1 else 0

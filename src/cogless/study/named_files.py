@@ -1,4 +1,4 @@
-"""The files that a study names: a key is a file's if the type of its model says so, whatever its text is."""
+"""The files that a study names. The type of a key in its model says whether the text is a file's name."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from cogless.study.table import FileName, Key, StudyKeys, Table
 
 @dataclass(frozen=True)
 class NamedFile:
-    """A file that a study names. `key`: in the tables as they are in the file, where a key may have dots.
+    """A file that a study names. `key`: place in the tables as read; a part of the key may have dots.
 
-    `path`: as it is there, relative to the study; `rest`: what follows, such as ":Class".
+    `path`: as written in the study, relative to it. `rest`: text behind the path, such as ":Class".
     """
 
     key: Key
@@ -26,15 +26,15 @@ class NamedFile:
 
 
 def named_files(model: type[StudyBase], tables: Mapping[str, Any]) -> list[NamedFile]:
-    """The files that the tables of a study name, without those that come with cogless.
+    """The files that the tables of a study name, without files that come with cogless.
 
-    In a scenario's override and in [vary] the keys are the study's.
+    The keys in a scenario's override and in [vary] are dotted keys of the study.
     """
     return list(dict.fromkeys(_files(model, tables, (), model)))
 
 
 def _files(of: Any, value: Any, key: Key, model: type[StudyBase]) -> Iterator[NamedFile]:
-    """The files that a value of a type names."""
+    """The files that `value`, of the type `of`, names."""
     if isinstance(value, str):
         for mark in _marks(of):
             if isinstance(mark, FileName) and not (mark.room and value in shipped(mark.room)):
@@ -46,7 +46,7 @@ def _files(of: Any, value: Any, key: Key, model: type[StudyBase]) -> Iterator[Na
                 yield from _files(inner, item, (*key, place), model)
     elif isinstance(value, dict):
         choices = value.get("list")
-        if isinstance(choices, list):  # a spread of the table vary
+        if isinstance(choices, list):  # a distribution `list` in [vary]
             for place, item in enumerate(choices):
                 yield from _files(of, item, (*key, "list", place), model)
         for name, item in value.items():
@@ -55,7 +55,7 @@ def _files(of: Any, value: Any, key: Key, model: type[StudyBase]) -> Iterator[Na
 
 
 def _types_at(of: Any, name: str, model: type[StudyBase]) -> list[Any]:
-    """The types that a name within a type may have; in a table of dotted keys it has several parts."""
+    """The types that the value at a key `name` of type `of` may have. The key may be dotted."""
     inner = list(_types_within(of, name, model))
     if inner or "." not in name:
         return inner
@@ -69,7 +69,7 @@ def _types_at(of: Any, name: str, model: type[StudyBase]) -> list[Any]:
 
 
 def _types_within(of: Any, part: str | int, model: type[StudyBase]) -> Iterator[Any]:
-    """The types that a key or an index within a type may have."""
+    """The types that the value at a key or index `part` of type `of` may have."""
     origin, inner = get_origin(of), get_args(of)
     if any(isinstance(mark, StudyKeys) for mark in _marks(of)):
         yield from _types_within(model, part, model)
@@ -88,7 +88,7 @@ def _types_within(of: Any, part: str | int, model: type[StudyBase]) -> Iterator[
 
 
 def _marks(of: Any) -> Iterator[Any]:
-    """What annotates a type, or one of those that it may be."""
+    """The annotations of a type; for a union, the annotations of each of its types."""
     origin, inner = get_origin(of), get_args(of)
     if origin is Annotated:
         yield from inner[1:]

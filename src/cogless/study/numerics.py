@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
 
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
-OVERMODULATION_MOST = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
-TOP = "at top speed"  # in the cause of a natural rate that it decides
+OVERMODULATION_MOST = 1.2  # bound of top speed / no-load speed; square voltages give 2 sqrt(3) / pi = 1.10
+TOP = "at top speed"  # part of the text of a natural rate that is proportional to the top speed
 
 
 def integration(study: Study) -> None:
@@ -40,7 +40,7 @@ def integration(study: Study) -> None:
 
 
 def top_speed(omega_m: float, key: str) -> str:
-    """What the top speed, rad/s, is, in a message. `key`: that has it, in the table of scenarios."""
+    """Text that names a top speed, rad/s, in a message. `key`: key below [scenario] with this speed."""
     return f"the {omega_m / RPM:.4g} rpm of scenario.{key}"
 
 
@@ -66,7 +66,7 @@ def voltage_reach(study: Study) -> float:
 def check_step(step: float, steps: int, rates: Sequence[tuple[float, str]], top: str, why: str = "") -> None:
     """Refuse an RK4 step (s) that is too long for these natural rates. `steps`: per current-loop period.
 
-    `top`: what the top speed is, where it decides. `why`: what else is told.
+    `top`: text of `top_speed`, shown if the top speed decides the fastest rate. `why`: end of the message.
     """
     fastest, what = max(rates)
     if fastest * step > LARGEST_STEP:
@@ -78,7 +78,7 @@ def check_step(step: float, steps: int, rates: Sequence[tuple[float, str]], top:
 
 
 def steps_needed(motor: StarMotor, mechanics: Mechanics, top: float, rate: float) -> int:
-    """RK4 steps per period of a current loop of this rate, Hz, up to a speed, rad/s."""
+    """RK4 steps that a current-loop period needs. `top`: largest speed, rad/s. `rate`: of the loop, Hz."""
     fastest, _ = max(natural_rates(motor, mechanics, top))
     return max(1, math.ceil(fastest / rate / LARGEST_STEP))
 

@@ -1,4 +1,4 @@
-"""Position sensors: what they measure, how, and their errors."""
+"""Position sensors: how they measure angle and speed, and their errors."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cogless.study.csv_table import OverAngle, read
 from cogless.study.table import Angle, File, Frequency, Many, Table, Time, invalid
 from cogless.units import ANGLE
 
-ORDER_MAX = 1000  # the highest order of a sensor's error
-ERROR_TABLE_ANGLES = 3600  # angles of a revolution at which a table of its error is taken
+ORDER_MAX = 1000  # highest order of a sensor's error
+ERROR_TABLE_ANGLES = 3600  # angles per revolution at which a table of the error is sampled
 
 
-# datasheet words for the counts of both channels (four for each line), and for the pulses of one channel
+# words of datasheets: for the counts of both channels (four for each line), for the pulses of one channel
 COUNT_WORDS, PULSES = (
     ("cpr", "counts", "counts_per_revolution", "resolution"),
     ("ppr", "pulses", "pulses_per_revolution"),
@@ -25,7 +25,7 @@ COUNT_WORDS, PULSES = (
 
 
 def _equals(key: str, value: Any) -> str:
-    """The end of a message, with key and number to write; "" for a value that isn't a positive integer."""
+    """The end of a message: key and number for the study; "" for a value that isn't a positive integer."""
     return f": {key} = {value}" if isinstance(value, int) and value > 0 else ""
 
 
@@ -159,7 +159,7 @@ class Counted(Mounted):
         return sum(own, self.wave_of_table(order))
 
     def wave_of_table(self, order: int) -> complex:
-        """What the table has of it; between its points the error is a straight line."""
+        """An order of `error_table`, amplitude e^(j phase), rad; the table is linear between its points."""
         if self._errors is None:
             return 0j
         import numpy as np
@@ -171,7 +171,7 @@ class Counted(Mounted):
     def periods(self, divider: int) -> int:
         """Current-loop periods over which the speed is averaged; 0 with an observer.
 
-        `divider`: current-loop periods in one of the outer loop.
+        `divider`: current-loop periods per outer-loop period.
         """
         if self.speed_method == "observer":
             return 0
@@ -307,7 +307,7 @@ PositionSensor = Annotated[IdealSensor | Encoder | Absolute | Resolver | Hall, F
 
 
 def sensor_fields(sensor: IdealSensor | Counted | Hall, pole_pairs: int) -> dict[str, Any]:
-    """What the engine reads of a position sensor."""
+    """A position sensor as the engine reads it."""
     if isinstance(sensor, Hall):
         return sensor.fields(pole_pairs)
     return sensor.fields() if isinstance(sensor, Counted) else sensor.model_dump()

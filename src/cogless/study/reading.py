@@ -1,7 +1,7 @@
 """Find and read a study, by file or shipped name, with its datasheet, changes and scenario overrides.
 
-A variant of a study is validated by what changed in it; the rest is taken over. A `Remark` is a sentence on a
-study that carries each change which it advises: the tests apply each and run the study again.
+Of a variant of a study, only the changed parts are validated; all others are taken over. A `Remark` is a
+sentence on a study, with the changes that it advises: the tests apply each change and run the study again.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ AStudy = TypeVar("AStudy", bound=StudyBase)
 
 
 def reused(new: Any, old: Any, validated: Any) -> Any:
-    """Tables as read, with what is alike in `old` replaced by its `validated` models, at any depth."""
+    """The tables `new`, with each part that is equal in `old` replaced by its model from `validated`."""
     if isinstance(validated, Table):
         if alike(new, old):
             return validated
@@ -74,9 +74,9 @@ def alike(new: Any, old: Any) -> bool:
 
 
 def derived(like: AStudy, tables: dict[str, Any], checks: tuple[Check, ...], folder: Path) -> AStudy:
-    """A copy of a study with these tables in place of its own.
+    """A copy of the study `like` with these tables in place of its own.
 
-    ValueError: they are wrong; validate the whole for what to say about it.
+    ValueError: the tables are wrong. Validate the whole study for the error message.
     """
     before = like.source.tables
     differ = [key for key, table in tables.items() if not alike(table, before.get(key, MISSING))]
@@ -102,7 +102,7 @@ def _new(new: Any, old: Any, validated: Any) -> Any:
 
 
 def _whole(validated: Any, new: Any, validated_whole: Any) -> Any:
-    """The counterpart of `_new`: all scenarios or controllers, in the order of the file."""
+    """Complete what `_new` left out: return all scenarios or controllers, in the order of the file."""
     if isinstance(validated_whole, Mapping) and isinstance(new, dict):
         return {name: validated[name] if name in validated else validated_whole[name] for name in new}
     return validated
@@ -110,7 +110,7 @@ def _whole(validated: Any, new: Any, validated_whole: Any) -> Any:
 
 @cache
 def _tables_model(model: type[StudyBase], keys: tuple[str, ...]) -> type[Table]:
-    """A model of some of a study's tables; ValueError: it has no such table."""
+    """A model of some of a study's tables; ValueError: a study has no such table."""
     if not set(keys) <= model.model_fields.keys():
         raise ValueError("an unknown table")
     fields: dict[str, Any] = {
@@ -154,7 +154,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 def changed(study: AStudy, changes: Changes) -> AStudy:
     """A copy of the study with other values at some dotted keys; `changes` as in `load`.
 
-    Only what they touch is validated again.
+    Only the parts that the changes touch are validated again.
     """
     tables = _overridden(study.source, changes)
     of_its_kind = checked(_replaced(study.source, tables, changes), study)
@@ -317,7 +317,7 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _index_hint(array: list[Any], key: Key) -> str:
-    """The indices that an array has, for a message about another."""
+    """The indices that an array has, as text for a message about a wrong index."""
     last = f" to {len(array) - 1}" if len(array) > 1 else ""
     return f"expected an index of {dotted(key)}, 0{last}" if array else f"{dotted(key)} is empty"
 
@@ -375,7 +375,7 @@ def _own(tables: dict[str, Any], path: Key) -> None:
 
 
 def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str, Any]:
-    """A copy of a study's tables with `changes`. `prefix`: where they stand in the file, for messages."""
+    """A copy of a study's tables with `changes`. `prefix`: the changes' place in the file, for messages."""
     tables = dict(source.tables)
     _apply(f"{source.path}: {prefix}", tables, changes)
     return tables
@@ -415,7 +415,7 @@ def with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
 
 
 def _relative_to_study(sheet: Path, study: Path, value: Any) -> Any:
-    """A datasheet's value; files of tables are named relative to the datasheet, and here to the study."""
+    """A datasheet's value, with files that are named relative to the study and not to the datasheet."""
     if not isinstance(value, dict):
         return value
     value = {key: _relative_to_study(sheet, study, inner) for key, inner in value.items()}
@@ -425,7 +425,7 @@ def _relative_to_study(sheet: Path, study: Path, value: Any) -> Any:
 
 
 def _replaced(source: Source, tables: dict[str, Any], changes: Iterable[str] = ()) -> Source:
-    """The source with other tables. What `changes` set in the motor is no longer the datasheet's."""
+    """The source with other tables. Motor keys in `changes` no longer count as keys of the datasheet."""
     in_motor = [tuple(map(str, key[1:2])) for key in map(split, changes) if key[0] == "motor"]
     datasheet = None if () in in_motor else source.datasheet
     own = source.own_motor_keys.union(*in_motor)
@@ -435,7 +435,7 @@ def _replaced(source: Source, tables: dict[str, Any], changes: Iterable[str] = (
 def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
     """The study of these tables, validated; StudyError lists its mistakes, one per line.
 
-    `like`: a study of mostly the same tables, whose parts are taken over.
+    `like`: a study with mostly the same tables; its unchanged parts are taken over.
     """
     if is_trial_study(source.tables):
         trials = _validated(TrialStudy, source)
@@ -448,14 +448,14 @@ def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
 
 
 def speed_study(study: AnyStudy, refusal: str = "") -> Study:
-    """A study that has to be one of speed. StudyError with this text: it is one of trials."""
+    """Return the study as a study of speed. StudyError with the text `refusal`: it is a study of trials."""
     if isinstance(study, Study):
         return study
     raise StudyError(refusal or f"{study.source.path}: expected a study of speed")
 
 
 def trial_study(study: AnyStudy, refusal: str) -> TrialStudy:
-    """A study that has to be one of trials. StudyError with this text: it is one of speed."""
+    """Return the study as a study of trials. StudyError with the text `refusal`: it is a study of speed."""
     if isinstance(study, TrialStudy):
         return study
     raise StudyError(refusal)
@@ -499,7 +499,7 @@ def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
 def _validated(model: type[AStudy], source: Source, prefix: str = "", like: AStudy | None = None) -> AStudy:
     tables, folder, checks = source.tables, source.folder, _checks(model, bool(prefix))
     if like is not None:
-        with suppress(ValueError):  # it is told below, as of a study that was read
+        with suppress(ValueError):  # validation of the whole study, below, raises the error with its message
             study = derived(like, tables, checks, folder)
             study._source = source
             return study
@@ -543,13 +543,13 @@ def is_arena(tables: dict[str, Any]) -> bool:
 
 @dataclass(frozen=True)
 class Remark:
-    """One line on a study. It begins with the key that it is about.
+    """One line on a study, which begins with the key that the line is about.
 
-    `stops_in`: the scenario in which it says that the rotor stops; "" if it does not say so.
+    `stops_in`: scenario in which the rotor stops, for a remark that says so; else "".
     """
 
     text: str
-    cures: tuple[Changes, ...] = ()  # values by dotted key; each of these changes helps without the others
+    cures: tuple[Changes, ...] = ()  # advised changes: values by dotted key; each change helps by itself
     stops_in: str = ""
 
     def __str__(self) -> str:

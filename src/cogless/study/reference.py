@@ -127,7 +127,7 @@ class Reference(Table):
     def speeds(self, initial_speed: float = 0.0) -> tuple[float, float]:
         """Lowest and highest speed that the reference can take, signed, rad/s.
 
-        `initial_speed`, rad/s: where a ramp and the smoothing filter start.
+        `initial_speed`, rad/s: speed at which a ramp and the smoothing filter start.
         """
         ends = [initial_speed, self.speed] if self.kind == "ramp" else [self.speed]
         if self.points:
@@ -137,7 +137,7 @@ class Reference(Table):
             means = [(b - a) / (end - start) for (start, a), (end, b) in pairwise(self.moves)]
             ends = [0.0, *(15 / 8 * mean for mean in means)]
         waves = abs(self.amplitude) + sum(abs(sine.amplitude) for sine in self.sines)
-        start = [initial_speed] if self.smoothing else []  # where the filter starts
+        start = [initial_speed] if self.smoothing else []  # the filter starts at this speed
         return (
             min([*start, min(ends) + self.offset - waves]),
             max([*start, max(ends) + self.offset + waves]),
@@ -146,7 +146,7 @@ class Reference(Table):
     def top_acceleration(self, initial_speed: float = 0.0) -> float:
         """Largest magnitude that the reference's acceleration can take, rad/s^2.
 
-        `initial_speed`, rad/s: where the smoothing filter starts.
+        `initial_speed`, rad/s: speed at which the smoothing filter starts.
         """
         slopes = [abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.points)]
         # a fifth-degree polynomial at rest at both ends has at most 10 / sqrt(3) distance / time^2
@@ -162,7 +162,7 @@ class Reference(Table):
         return max([waves, self.ramp, *slopes, *moving]) + abs(jump) / (math.e * (self.smoothing or 1.0))
 
     def _at_start(self) -> float:
-        """Speed at time zero, ahead of the smoothing filter, rad/s. Not for a ramp."""
+        """Speed at time zero before the smoothing filter, rad/s. Not valid for a ramp."""
         for (start, a), (end, b) in pairwise(self.points):
             if start <= 0 < end:
                 return a - (b - a) * start / (end - start)

@@ -1,6 +1,6 @@
 """Flux linkages of a motor over its currents, by tables: saturation of L_d, L_q and of the magnets' flux.
 
-Temperatures of a motor's winding and magnets, and what they change.
+Temperatures of a motor's winding and magnets, which change resistance and flux.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class CurrentFile(Table):
         return self.model_copy(update={"current": tuple(column.along), column.name: tuple(column.value)})
 
     def _check(self, value: tuple[float, ...], name: str) -> None:
-        """Refuse currents that do not rise or lack zero, and fluxes of another number or not zero there."""
+        """Refuse currents that do not rise or lack zero, another number of values, flux at zero current."""
         current = self.current
         if len(current) < 3 or any(b <= a for a, b in pairwise(current)) or 0.0 not in current:
             raise invalid("expected three or more values that rise, zero among them", self._named("current"))
@@ -66,7 +66,7 @@ class CurrentFile(Table):
             raise invalid("expected zero at zero current", self._named(name))
 
     def _named(self, name: str) -> str:
-        """The key to name in an error: that of the value, or the file that it is from."""
+        """The key that an error names: the value's own key, or "file" if the values are from a file."""
         return name if self.file is None else "file"
 
 
@@ -121,7 +121,10 @@ class MagnetOverCurrent(CurrentFile):
 
 
 def mirrored(current: tuple[float, ...], flux: tuple[float, ...], sign: int) -> Points:
-    """Points from zero on, and the same for negative currents with flux times `sign`."""
+    """Points over both directions, from points for currents from zero on.
+
+    At the current -i the flux is `sign` times the flux at i.
+    """
     below = tuple(-i for i in reversed(current[1:])), tuple(sign * f for f in reversed(flux[1:]))
     return (*below[0], *current), (*below[1], *flux)
 
@@ -140,12 +143,12 @@ class Saturation(Table):
     """What $i_q$ takes from the magnets' flux, so that $K_t$ falls with the current. Default: nothing."""
 
     def engine_config(self) -> dict[str, Any]:
-        """As the engine reads it: points with the slopes of a monotone cubic between them."""
+        """The tables as the engine reads them: points, and the slopes there of a monotone cubic."""
         names = {"d": self.d, "q": self.q, "cross": self.magnet}
         return {name: _curve(*table.points()) for name, table in names.items() if table is not None}
 
     def check(self, L_d: float, L_q: float) -> None:
-        """Refuse tables that do not begin at L_d and L_q, or that have no stable current somewhere."""
+        """Refuse tables whose slope at zero current isn't L_d or L_q, or with a negative inductance."""
         for axis, table, L in (("d", self.d, L_d), ("q", self.q, L_q)):
             if table is None:
                 continue
@@ -170,7 +173,7 @@ class Saturation(Table):
         )
         assert cross is not None
         reach = tables.get("d", tables["cross"])["current"]
-        # the second derivative is straight between points, so its extremes are at their two sides
+        # the second derivative is linear between points and jumps there: its extremes are beside the points
         sides = [i * (1 + side) for i in tables["cross"]["current"] for side in (-1e-9, 1e-9)]
         for i_d, i_q in product((reach[0], 0.0, reach[-1]), sides[1:-1]):
             l_dd, l_qq = (L if s is None else float(s(i, 1)) for L, s, i in ((L_d, d, i_d), (L_q, q, i_q)))
@@ -181,7 +184,7 @@ class Saturation(Table):
 
     @property
     def smallest(self) -> float:
-        """Smallest differential inductance of the tables, H; infinite without one."""
+        """Smallest differential inductance at points of the d and q tables, H; infinite without both."""
         curves = [_curve(*table.points()) for table in (self.d, self.q) if table is not None]
         return min((min(curve["slope"]) for curve in curves), default=math.inf)
 
@@ -264,7 +267,7 @@ class MotorTemperature(Table):
         return self.winding if self.magnet is None else self.magnet
 
     def engine_config(self) -> dict[str, Any]:
-        """As the engine reads it."""
+        """The temperatures as the engine reads them, in SI but degC."""
         start = {"winding": self.winding, "magnet": self.magnets}
         keys = ("reference", "resistance_coefficient", "flux_coefficient")
         config = {**start, **{key: getattr(self, key) for key in keys}, "drifts": self.heating is not None}

@@ -147,7 +147,7 @@ class TorqueMode(Table):
         return math.inf if self.duration is None else self.time + self.duration
 
     def acts_within(self, begin: float, end: float) -> bool:
-        """Whether torque mode acts in some part of a time, s."""
+        """Whether torque mode acts in some part of the time from `begin` to `end`, s."""
         return begin < self.end and end > self.time
 
     @property

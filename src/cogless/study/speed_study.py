@@ -58,7 +58,7 @@ class Study(StudyBase):
         return max(1, round(self.trace_rate / self.drive.rates.current_loop))
 
     def in_scenario(self, scenario: str) -> Study:
-        """As `cogless.for_scenario`."""
+        """The study with this scenario's overrides applied; the study itself if there are none."""
         return self._scenarios.get(scenario, self)
 
     @property

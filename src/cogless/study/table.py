@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 
 def _as_made(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
-    """Take over the tables of another study; a file has lists, no tuples."""
+    """Take over the validated tables of another study, which are in a tuple; a file has lists."""
     is_made = isinstance(value, tuple) and bool(value) and isinstance(value[0], Table)
     return value if is_made else validate(value)
 
@@ -62,7 +62,7 @@ class Table(BaseModel):
         """The full table for a value in short form, such as a text in place of a table."""
         return data
 
-    IN_PLACE: ClassVar[dict[str, str]] = {}  # keys of this table by what a newcomer may call them
+    IN_PLACE: ClassVar[dict[str, str]] = {}  # a newcomer's word, in lower case -> key of this table
 
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
@@ -155,7 +155,7 @@ def _again(details: ErrorDetails) -> InitErrorDetails:
     )
 
 
-# SI: single precision holds these, and products and quotients of two of them
+# SI: from LEAST to MOST, single precision holds each number, and the product and quotient of any two
 MAGNITUDE_LEAST, MAGNITUDE_MOST = 1e-15, 1e15
 
 
@@ -178,7 +178,7 @@ def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -
     """Refuse numbers that the controller's number type can't hold, or whose sum of `terms` would overflow."""
     smallest, largest = RANGE[precision]
     most = largest / terms
-    for key in table.__class__.model_fields:  # type() would tell what watches a table (reading.py)
+    for key in table.__class__.model_fields:
         value = getattr(table, key)
         if isinstance(value, float) and value and not smallest <= abs(value) <= most:
             expected = f"expected 0, or from {smallest:.1e} to {most:.1e}"
@@ -192,9 +192,9 @@ def dotted_keys(
 
     TOML reads mechanics.inertia as {"mechanics": {"inertia": x}}; this becomes {"mechanics.inertia": x}.
 
-    `inside`: whether the value at a dotted key is such a table, rather than a value itself; by default the
-    outermost tables are. An empty table always is a value: that table, with its defaults. `above`: the dotted
-    key above these tables, with a dot behind it.
+    `inside`: whether the table at a dotted key is flattened, rather than kept as a value; by default only the
+    outermost tables are flattened. An empty table is always a value: a table with its defaults. `above`: the
+    dotted key above `tables`, with a dot at its end.
     """
     inside = inside or (lambda key, value: "." not in key and isinstance(value, dict))
     flat: dict[str, Any] = {}
@@ -224,7 +224,8 @@ def perhaps(name: str, names: Iterable[str]) -> str:
 def _meant(key: str, names: Sequence[str]) -> list[str]:
     """The known keys that an unknown one may stand for.
 
-    They are those that it begins or ends (L begins L_d, friction ends coulomb_friction), or else the nearest.
+    The unknown key may begin or end known keys (L begins L_d, friction ends coulomb_friction). If there are
+    none, only the nearest known key is returned.
     """
     whole = [name for name in names if name.startswith(f"{key}_") or name.endswith(f"_{key}")]
     near = nearest(key, names)
@@ -240,8 +241,8 @@ def _suggestion(near: Sequence[str], names: Sequence[str]) -> str:
 class Quantity:
     """Pydantic annotation: a text with a unit becomes an SI float.
 
-    `sign`: "" for any number, ">" for above zero, ">=" for zero or more. `bare`: a plain number is accepted,
-    too, as SI, as in controllers' tables.
+    `sign`: "" for any number, ">" for above zero, ">=" for zero or more. `bare`: a plain number in SI is also
+    accepted, as in controllers' tables.
     """
 
     dimension: Dimension
@@ -294,7 +295,7 @@ def _line(text: str) -> str:
 class FileName:
     """Annotation: a text that names a file, relative to the study.
 
-    `with_name`: as FILE:NAME. `room`: the folder of shipped files that it may name instead.
+    `with_name`: the text is FILE:NAME. `room`: folder of shipped files, one of which the text may name.
     """
 
     with_name: bool = False
@@ -303,7 +304,7 @@ class FileName:
 
 @dataclass(frozen=True)
 class StudyKeys:
-    """Annotation: a table of other values for the study, by its dotted keys."""
+    """Annotation: a table of other values for the study, by dotted keys of the study."""
 
 
 Line = Annotated[str, AfterValidator(_line)]

@@ -13,10 +13,10 @@ TABLES_BY_NAME = ("scenario", "controller")  # tables of tables by name
 
 
 def sections(source: Source) -> list[dict[str, Any]]:
-    """The study's sections in order.
+    """The study's sections in order, each with the `path` and the text of its `heading`, and its `lines`.
 
-    `path`: of the section's heading; `lines`: each a dotted key below it, and its value in pieces: texts, and
-    for a value within an array its dotted key below the section and its text.
+    A line is a dotted key below the heading, and the key's value in pieces. A piece is a text. For a number
+    or text within an array, a piece is a pair: dotted key below the heading, and text.
     """
     top: dict[str, Any] = {}
     below: list[tuple[tuple[str, ...], dict[str, Any]]] = []
@@ -48,7 +48,7 @@ def _leaves(table: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[t
 
 
 def _pieces(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]]:
-    """The text of `toml` in pieces, each number or text of an array apart."""
+    """The text of `toml` in pieces; each number or text in an array is a piece of its own."""
     if not isinstance(value, list | tuple):
         yield toml(value)
         return
@@ -72,12 +72,12 @@ def _table_pieces(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str
 
 
 def toml_key(path: tuple[str, ...]) -> str:
-    """A key of several parts."""
+    """A dotted key of these parts; a part is in quotes if TOML needs them."""
     return ".".join(part if part and set(part) <= BARE else quoted(part) for part in path)
 
 
 def toml(value: Any) -> str:
-    """A value in one line. What TOML has no form for becomes a text."""
+    """A value as TOML in one line. A value that TOML can't express becomes a text."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml, value))}]"
     if isinstance(value, dict) and value:

@@ -17,13 +17,13 @@ from cogless.study.trial_study import Deviations, TrialConditions, WithUnit
 if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
 
-FEWEST_SAMPLES = 4  # a trial has no fewer
+FEWEST_SAMPLES = 4  # least samples of a trial
 TRIAL_SAMPLES_MOST = 65_535
-MOST_RANGES = 12  # 4096 corners
+MOST_RANGES = 12  # parameters with a range, which have 4096 corners
 # How a load or position is written: first in a drive's study, then in a linear plant's.
 LOADS = ('a torque with a unit, such as [100, "1 N*m"]', "a number in the unit of u, such as [100, 1.0]")
 POSITIONS = ('an angle with a unit, such as ["1 s", "1 rad"]', 'a plain number, such as ["1 s", 1.0]')
-LARGEST_MATRIX = 4_000  # samples of a trial, at most, for a law that learns by a whole matrix
+LARGEST_MATRIX = 4_000  # samples of the longest trial for a law that learns by a matrix
 
 
 def plant(study: TrialStudy) -> None:
@@ -82,8 +82,8 @@ def samples(study: TrialStudy) -> None:
 
 
 def trace_rate(study: TrialStudy) -> None:
-    """Check that trace rows coincide with samples of the fastest loop, and that each sample of a trial has
-    one."""
+    """Check that trace rows coincide with samples of the fastest loop, and that each sample of a trial has a
+    row."""
     rate = study.trace.rate
     ticks = study.drive.rates.current_loop if study.drive is not None else 1 / study.period
     if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
@@ -214,7 +214,7 @@ def integration(study: TrialStudy) -> None:
 
 
 def no_accelerometer(study: TrialStudy) -> None:
-    """Refuse an accelerometer, of which only runs of speed have logs."""
+    """Refuse an accelerometer: only runs of speed studies have its logs."""
     belt = None if study.mechanics is None else study.mechanics.belt
     if belt is not None and belt.accelerometer is not None:
         raise invalid("expected none, in a study of trials", "mechanics", "belt", "accelerometer")

@@ -1,6 +1,6 @@
 """A whole study of trials: a drive or a linear plant, controllers that learn from trial to trial, metrics.
 
-A scenario of trials: a repeated motion; reference, load, plant and start may change between trials.
+A scenario of trials repeats a motion; reference, load, plant and start may change between trials.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_TRIALS = 100_000
-NORMAL_MOST = 5.0  # standard deviations, beyond which hardly a draw in a million is
+NORMAL_MOST = 5.0  # standard deviations; less than one draw in a million is beyond
 
 
 class WithUnit(float):
@@ -49,7 +49,7 @@ class WithUnit(float):
 
 
 class EitherWay(Quantity):
-    """A quantity that is a text with a unit for drives, and a plain number for linear plants."""
+    """A quantity: a text with a unit in studies of drives, a plain number in studies of linear plants."""
 
     def read(self, value: Any) -> float:
         """The SI value; a WithUnit if it was written with a unit."""
@@ -122,12 +122,12 @@ class EachTrial(Table):
         return self
 
     def form_of(self, key: str) -> tuple[str, Any]:
-        """The form of a key's deviation, "normal" or "uniform", and its size; the size is None for none."""
+        """Form and size of a key's deviation: "normal" or "uniform", and the size or None."""
         size = getattr(self.uniform, key)
         return ("normal", getattr(self.normal, key)) if size is None else ("uniform", size)
 
     def deviations(self, key: str) -> tuple[float, ...]:
-        """Standard deviation of a key's deviation, of initial_state one a state; () for none."""
+        """Standard deviation of a key's deviation; for initial_state one per state; () for no deviation."""
         form, size = self.form_of(key)
         sizes = () if size is None else size if isinstance(size, tuple) else (size,)
         return tuple(one / (1 if form == "normal" else sqrt(3)) for one in sizes)
@@ -232,7 +232,7 @@ class TrialScenario(TrialConditions, Experiment):
                 updates["override"] = {**(now.override or {}), **updates["override"]}
                 reloads = any(key.startswith("mechanics.load") for key in change.override or ())
                 if reloads and change.load is None:
-                    updates["load"] = None  # the override's load is the newer one
+                    updates["load"] = None  # the override's load replaces an earlier phase's load
             now = now.model_copy(update=updates)
             of_phases.append((change.trial, now))
         return tuple(of_phases)
@@ -291,7 +291,7 @@ class TrialStudy(StudyBase):
         return len(self.plant.C) if self.plant is not None else 2
 
     def trial_law(self, name: str) -> TrialLaw:
-        """A controller of which the caller knows that its law is one of trials."""
+        """A controller as a law of trials. The caller must know that the law is one."""
         return cast("TrialLaw", self.controller[name])
 
     def samples(self, scenario: str) -> int:
@@ -380,7 +380,7 @@ class TrialStudy(StudyBase):
         return {"trials": facts}
 
     def differs_at_random(self, scenario: str) -> bool:
-        """Whether trials of a phase differ at random, beside the noise of a drive's sensors."""
+        """Whether trials of a phase differ at random; the noise of a drive's sensors doesn't count."""
         plant = self.plant
         if plant is not None and (plant.load_noise > 0 or any(plant.state_noise)):
             return True

@@ -23,12 +23,13 @@ from cogless.study import Study
 from cogless.study.laws.adrc import OBSERVER_BANDWIDTH_MOST, Adrc
 
 OBSERVER_RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
-TRIED_BANDWIDTHS = 60
+TRIED_BANDWIDTHS = 60  # number of loop bandwidths that are tried
 
 
 def response(w: Real, T: float, b: float, omega_c: float, omega_o: float) -> Complex:
-    """The law's response from measured speed to current, A*s/rad, at w in rad/s; negative as a feedback
-    is.
+    """The law's response from measured speed to current, A*s/rad, at w in rad/s.
+
+    The response is negative, since the law is a feedback.
     """
     p = math.exp(-omega_o * T)
     l1, l2 = 1 - p * p, (1 - p) ** 2 / T

@@ -5,12 +5,13 @@ closed_loop.py. Against a current of order n the loop gives -T of it, with
 
     T = L / (1 + L) at w = n omega_cal
 
-Backwards T leads by as much as it lags forwards. The table has the mean of both, -Re T, and leaves 1 - Re T.
+In the backward run, T leads by as much as it lags forwards. The table has the mean of both, -Re T, and leaves
+1 - Re T.
 
-The run begins to record after 1/8 of a revolution, at t = (pi / 4) / omega_cal. Its reference has jumped by
-2 omega_cal when it turned back. Before the angle had caught up by the slowest pole, a = k_theta or k_i / k_p,
-it was 2 omega_cal / w_c behind. So the current that accelerates the rotor is 2 omega_cal a^2 / (w_c b) e^-at,
-and this is recorded, too.
+The run begins to record after 1/8 of a revolution, at t = (pi / 4) / omega_cal. The speed of its reference
+jumps by 2 omega_cal where the run turns back. The angle is then 2 omega_cal / w_c behind, and catches up by
+the slowest pole, a = k_theta or k_i / k_p. So a current of 2 omega_cal a^2 / (w_c b) e^-at accelerates the
+rotor, and is recorded, too.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ from cogless.study.reading import Changes, Remark
 from cogless.units import TURN
 
 CROSSOVER_RATIO = 4.0  # the speed loop's crossover / that of the run's position loop
-ORDER_SHARE_LEAST = 1e-3  # of the largest order's current: smaller ones aren't looked at
+ORDER_SHARE_LEAST = 1e-3  # current of an order / that of the largest order; smaller orders aren't judged
 STIFFER_FACTORS = (2.0, 4.0, 8.0, 16.0)  # by which the crossover of a snapping rotor's loop is raised
 WORTHWHILE_SHARE = 0.5  # share of the cogging current that a table leaves; more is hardly worth a table
 
 
 def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
-    """A position loop that a speed loop with the gains kp and ki follows, 1/s."""
+    """The gain, 1/s, of a position loop that a speed loop with the gains kp and ki can follow."""
     return position_margins(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])).crossover / CROSSOVER_RATIO
 
 
@@ -58,7 +59,7 @@ def share_left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
 def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
     """The current, A, that still accelerates the rotor where a run at `speed`, rad/s, begins to record.
 
-    The loop has a crossover.
+    The loop must have a crossover.
     """
     magnitudes = np.abs(poles(loop, feedback))
     a = -math.log(float(np.max(magnitudes[magnitudes < 1 - 1e-9]))) / loop.period
@@ -79,7 +80,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     loop, pi = speed_loop(study, scenario), gains(study, name)
     key = f"{dotted(('controller', name))}.calibration"
     if oscillation(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])):
-        return None  # with the run and without, which is told elsewhere
+        return None  # unstable even without the run: another warning says so
     wrong = _unrecorded(study, name, run, scenario)
     if wrong is None:
         return None
@@ -103,7 +104,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     speed: Changes | None = {f"{key}.speed": slow} if slow else None
     gain_and_speed = {**gain, **speed} if speed is not None else None
     cures = helping(study, (gain, speed), cured) or helping(study, (gain_and_speed,), cured)
-    if not cures:  # a rotor that snaps takes a loop that is stiffer than its detents
+    if not cures:  # a rotor that snaps needs a loop that is stiffer than its detents
         stiffer = (slower_feedback(study, name, 1 / factor) for factor in STIFFER_FACTORS)
         cures = first(study, (change for change in stiffer if change is not None), stiff_enough)
         key = dotted(("controller", name))

@@ -1,6 +1,7 @@
 """The rule that computes every number of the law `harmonic`, and what it certifies: docs/laws/harmonic.md.
 
-The measure is Gamma of harmonic_transfer.py: where an order may be turned against learning, it is held.
+The measure is Gamma of harmonic_transfer.py. An order that Gamma may turn against learning is held: it acts,
+but doesn't learn.
 """
 
 from __future__ import annotations
@@ -43,10 +44,10 @@ RATE_SUM_MOST = 1 / 16  # sum of the rates of all acting orders, 1/sample; harmo
 LEARNER_RATE_MOST, LEARNER_RATE_LEAST = 20.0, 0.5  # 1/s
 # rad; a larger sensor error needs a base that can learn it. SURE of harmonic.c is its square.
 SENSOR_ERROR_MOST = 5e-4
-# A rate this many times that of a load which turns with the rotor leaves a tenth of its changes.
+# Learning this many times as fast as a load turns with the rotor leaves a tenth of the load's changes.
 LOAD_RATE_RATIO = 10
 RATE_MARGIN = 2.4  # rate at which all orders together oscillate / the rate
-BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
+BENDS_FROM = (2, 4)  # with a larger base, orders one and two away from a learned one aren't learned
 
 
 # Units of what the rule of `harmonic` computes.
@@ -130,8 +131,8 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
     dead time is not compensated, since it has every multiple of its order, or if the base is set by hand. No
     result depends on a speed: the law picks the orders that it can hold at the present speed.
 
-    The misplacement of Hall sensors repeats once per electrical revolution. So an order from there on may be
-    the sensors'; the orders below are the load's.
+    The misplacement of Hall sensors repeats once per electrical revolution. So an order from the pole
+    pairs on may come from the sensors; lower orders come from the load.
     """
     if isinstance(study.drive.position_sensor, Hall):
         base = law.base or 1
@@ -155,10 +156,10 @@ def loses_voltage(study: Study) -> bool:
 
 
 def _base(base: int, cogging: Sequence[int], inverter: int, least: int) -> int:
-    """The base, or its least multiple of which `HARMONIC_ORDERS` reach the highest order of the cogging.
+    """The base, or its least multiple with which `HARMONIC_ORDERS` orders reach the cogging's highest order.
 
-    It divides all orders of cogging and inverter, but may leave out what an uneven magnet or tooth adds. If
-    there is none, the base remains. One of at least `least` comes first.
+    The multiple divides all orders of cogging and inverter, but may leave out what an uneven magnet or tooth
+    adds. Without such a multiple the base remains. Multiples of at least `least` are preferred.
     """
     shared = math.gcd(*cogging, inverter)
     multiples = (n for n in range(base, shared + 1, base) if shared % n == 0)
@@ -167,7 +168,7 @@ def _base(base: int, cogging: Sequence[int], inverter: int, least: int) -> int:
 
 
 def least_base(study: Study) -> int:
-    """The least base with which the error that the study tells of its sensor is learned; 1: any."""
+    """The least base with which the law learns the sensor's error that the study gives; 1: any base."""
     sensor = study.drive.position_sensor
     if not _bends(study, 1 + BENDS_FROM[-1]) or not isinstance(sensor, Counted):
         return 1
@@ -176,7 +177,7 @@ def least_base(study: Study) -> int:
 
 
 def roomy_base(study: Study) -> int:
-    """A base that leaves room for that error and learns the main order; 1 if there is none."""
+    """A base that learns the main order and the sensor's error of `least_base`; 1 if there is none."""
     poles, slots = _poles_and_slots(study)
     least = least_base(study)
     base = _base(math.gcd(slots or poles, poles), [math.lcm(slots or poles, poles)], 3 * poles, least)
@@ -184,10 +185,10 @@ def roomy_base(study: Study) -> int:
 
 
 def delay_of(loop: SpeedLoop) -> float:
-    """Time from a current's reference to what it does to the measured angle, s, less half a law's period.
+    """Time, s, from a current reference to its effect on the measured angle, less half of the law's period.
 
-    The law adds that half itself: a held reference is late by it. The current loop samples the held reference
-    and sees it half of its own period earlier, so that is taken off, too.
+    The law adds that half itself, by which a held reference is late. The current loop samples the held
+    reference half of its own period earlier: this time is subtracted, too.
     """
     if not isinstance(loop.current, CurrentLoop):
         return loop.delay
@@ -203,11 +204,11 @@ class Certified:
 
     omega_m: float  # rad/s
     acting: int  # highest order that acts and is learned
-    gamma: float  # least Re Gamma of those, b of the plant 0.5 to 1.5 times the model's
-    late: int  # highest order up to which all converge with a sample that isn't told; 0: none
+    gamma: float  # least Re Gamma of the learned orders, for b of 0.5 to 1.5 times the model's
+    late: int  # highest order up to which all converge with one more sample of delay; 0: none
     held_orders: tuple[int, ...]  # they act, but aren't learned
     rate: float  # 1/s, at which the orders begin to learn here
-    most: float | None  # 1/s: all orders together settle if the rate is below; None: any rate
+    most: float | None  # 1/s: all orders together settle if `rate` is below this; None: any rate
     slow: tuple[int, ...] = ()  # the lowest and the highest order that is too slow to be judged
     swing: float = 0.0  # speed ripple that the feedback alone leaves, rms / speed
     snaps: str | None = None  # why the rotor snaps there with the feedback alone: then nothing is judged
@@ -366,7 +367,7 @@ def _rate_bound(study: Study, loop: SpeedLoop, own_learner: Learner, pi: Gains, 
 def _poles_and_slots(study: Study) -> tuple[int, int | None]:
     """Poles and slots, as cogging counts them.
 
-    The teeth of a step motor's rotor are one magnet's poles; a phase has two places for each of them.
+    The teeth of a step motor's rotor count as poles. Each phase has two places per tooth, its slots.
     """
     if isinstance(study.motor, StepMotor):
         return study.motor.pole_pairs, 4 * study.motor.pole_pairs
@@ -376,14 +377,14 @@ def _poles_and_slots(study: Study) -> tuple[int, int | None]:
 def _step(study: Study) -> float:
     """Step of the sensor's angle, rad, if the law learns with a speed timed between edges; else 0.
 
-    Only an unfiltered speed of this kind tells where the rotor is between two steps.
+    Only an unfiltered speed of this kind shows where the rotor is between two steps.
     """
     sensor, filtered = study.drive.position_sensor, study.drive.speed_filter
     return sensor.step if isinstance(sensor, Counted) and sensor.timed and not filtered else 0.0
 
 
 def _bends(study: Study, base: int) -> int:
-    """How much of the sensor's error is learned: none where it is true, or has no angle of its own.
+    """The highest order of the sensor's error that is learned; 0 if the law learns none of it.
 
     Counts that lock to the angle are a bend of their own, up to a step of the sensor. A load that varies once
     or twice a turn bends the phases of ripple that depends on the current, too.
@@ -404,8 +405,8 @@ def _load_orders(study: Study) -> list[float]:
 def _least_rate(study: Study, own_learner: Learner, fastest: float, T: float) -> float:
     """The rate to which learning slows down, 1/s.
 
-    Ripple that depends on the current changes with a load that turns with the rotor. It is followed where it
-    is slow enough for that. A load's order that is learned itself needs no following.
+    Ripple that depends on the current changes with a load that turns with the rotor. Learning follows
+    this change if the load is slow enough. An order of the load that is learned itself needs no following.
     """
     first = rate_at(own_learner, fastest, T)
     turning = [LOAD_RATE_RATIO * order * fastest for order in _load_orders(study) if order < own_learner.base]
@@ -413,7 +414,7 @@ def _least_rate(study: Study, own_learner: Learner, fastest: float, T: float) ->
 
 
 def main_order(study: Study, base: int) -> int:
-    """Lowest common multiple of slots and poles, the main order of cogging; `base` if slots aren't told."""
+    """Lowest common multiple of slots and poles, the main order of cogging; `base` without known slots."""
     poles, slots = _poles_and_slots(study)
     return math.lcm(slots, poles) if slots else base
 
@@ -566,7 +567,7 @@ class HarmonicRules(FeedbackRules[Harmonic]):
     def refused(self) -> str | None:
         try:
             learner(self.study, self.name)
-        except StudyError as error:  # such as a motor that doesn't tell its slots
+        except StudyError as error:  # such as a motor whose slots aren't given
             return error.text_without(self.study.source.path)
         return None
 

@@ -1,4 +1,4 @@
-"""What the law `harmonic` sees of a ripple, beside what it assumes to see: docs/laws/harmonic.md.
+"""What the law `harmonic` sees of a ripple, over what it assumes to see: docs/laws/harmonic.md.
 
 Gamma is a factor on the rate at which an order n learns: what the law sees of a ripple in T at that order,
 over what it assumes to see. P is the response from current reference to measured speed and angle
@@ -23,11 +23,11 @@ from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import BELIEF_FACTORS, SpeedLoop, pi_response
 from cogless.study.laws.harmonic import HARMONIC_BANDS, ORDER_ANGLE_MOST, Learner
 
-POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample
-SLOW_ORDER_ANGLE = 0.5105  # rad/sample; up to this an order learns from z
+POLE = math.exp(-0.5)  # pole of the observer in z: its bandwidth is half a radian a sample
+SLOW_ORDER_ANGLE = 0.5105  # rad/sample; up to this an order learns from z, above this from e
 ORDER_ANGLE_LEAST = 1e-3  # rad a sample: the slowest order that is judged
 PHASE_COSINE_LEAST = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
-TRANSFER_POINTS = 2000  # frequencies at which that is judged
+TRANSFER_POINTS = 2000  # frequencies at which Gamma is judged
 
 
 def _shares(d: float, z: Complex) -> Complex:
@@ -52,7 +52,7 @@ def gamma(loop: SpeedLoop, learner: Learner, pi: Gains, w: Real, late: int = 0) 
 
 
 def plants(loop: SpeedLoop) -> list[SpeedLoop]:
-    """The plants that an order must converge with: as told, and with what may be wrong."""
+    """The plants with which an order must converge: b, or a soft shaft's motor inertia, may be off."""
     loops = [dataclasses.replace(loop, b=factor * loop.b) for factor in BELIEF_FACTORS]
     if loop.shaft is not None:
         J, J_load = loop.shaft.inertia, loop.shaft.load_inertia
@@ -73,7 +73,7 @@ def held_bands(
 ) -> tuple[float, ...]:
     """Bands of frequency, from and to in rad a sample, in which an order may not converge.
 
-    What Hall sensors show between their edges depends on the order: there each order is judged at the
+    What Hall sensors show between their edges depends on the order. So each order is then judged at the
     frequencies that it has at `speeds`, slowest and fastest, rad/s.
     """
     T = loop.period
@@ -101,7 +101,7 @@ def turned(transfer: Complex) -> np.ndarray:
 
 
 def _bands(om: Real, bad: np.ndarray) -> list[tuple[float, float]]:
-    """Where it is bad, from the last good point before to the first one after."""
+    """The bands of bad points, each from the last good point before to the first good point after."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
     bands = []
     for first, after in zip(edges[::2], edges[1::2], strict=True):
@@ -111,7 +111,7 @@ def _bands(om: Real, bad: np.ndarray) -> list[tuple[float, float]]:
 
 
 def _few(bands: list[tuple[float, float]]) -> tuple[float, ...]:
-    """As many as the law can have: those that are nearest become one."""
+    """The ends of as many bands as the law can have; bands that are nearest to each other are merged."""
     while len(bands) > HARMONIC_BANDS:
         k = min(range(len(bands) - 1), key=lambda k: bands[k + 1][0] / bands[k][1])
         bands[k : k + 2] = [(bands[k][0], bands[k + 1][1])]
@@ -136,8 +136,8 @@ def rate_bound(
     """The rate below which all orders, at frequencies w in rad/s, settle together, 1/s. `T`: period, s.
 
     The loop from the learned current to what the law adds to it is the rate times R. The bound is the rate at
-    which this first is -1. `plant`: Gamma at frequencies in rad a sample, `near`: frequencies in rad/s that
-    it should be seen at; without it, all is as the law assumes.
+    which this loop first is -1. `plant`: returns Gamma at frequencies in rad a sample; None: all is as the
+    law assumes. `near`: further frequencies, rad/s, at which the loop is computed.
     """
     neighbours = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
     om = np.union1d(np.linspace(ORDER_ANGLE_LEAST, math.pi, 6000), np.ravel(neighbours)) * (1 + 1e-9)
@@ -155,7 +155,7 @@ def rate_bound(
 
 
 def all_orders(learner: Learner, orders: Real, om: Real, T: float) -> Complex:
-    """R, the loop of all orders over the rate, at om rad a sample; resonators at `orders`, rad a sample."""
+    """R, the loop of all orders / the rate, at om rad a sample; resonators at `orders`, rad a sample."""
     d, z = learner.delay / T, np.exp(1j * om)
     sum_of = np.zeros(len(om), dtype=complex)
     for one in orders:
@@ -167,7 +167,7 @@ def all_orders(learner: Learner, orders: Real, om: Real, T: float) -> Complex:
 
 
 def seen(z: Complex, order: float) -> Complex:
-    """How a held current shows in what an order learns from, over b T^2: e, or the mean of two z."""
+    """Response from a held current to what an order learns from, over b T^2: e, or the mean of two z."""
     of_e = np.asarray((z + 1) * (z - 1) / (2 * (z - POLE) ** 3))
     mean = (1 + 1 / z) / 2
     return of_e if order > SLOW_ORDER_ANGLE else np.asarray((1 - POLE) ** 3 * z / (z - 1) * of_e * mean)

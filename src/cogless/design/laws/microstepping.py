@@ -1,4 +1,4 @@
-"""Microstepping: whether its correction is for its current (docs/laws/microstepping.md)."""
+"""Microstepping: whether its correction was made for its current (docs/laws/microstepping.md)."""
 
 from __future__ import annotations
 

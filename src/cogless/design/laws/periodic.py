@@ -1,8 +1,8 @@
 """PI-ILC and robust ILC at one speed: u_k = Q u_{k-1} + Gamma e_k (docs/theory/learning.md derives it).
 
 If the memory can't learn at a speed (control/src/cogless/memory.c), `frozen` gives the reason. The analysis
-leaves out friction and the switching term of robust ILC. beta_1 sgn S, which it learns from besides beta_2 S,
-is a doubt where an oscillation would live on it.
+leaves out friction and the switching term of robust ILC. That law learns from beta_1 sgn S besides beta_2 S.
+`doubt` gives a reason where beta_1 sgn S would keep an oscillation alive.
 
 The ripple that the relay in robust ILC makes by itself: docs/laws/robust-ilc.md#the-relay.
 
@@ -105,11 +105,11 @@ class PeriodicLoop(LearningLoop):
 
     @property
     def doubt(self) -> str | None:
-        """Whether beta_1 sgn S keeps an oscillation alive that is worse than the feedback's ripple.
+        """The doubt that beta_1 sgn S keeps alive an oscillation which is worse than the feedback's ripple.
 
         To an oscillation of amplitude A, sgn S is a gain of 4 / (pi A), its describing function. So the
-        smaller the oscillation, the more beta_1 learns from it. A, as a speed, is the one that makes the
-        ripple `HARMFUL_RATIO`: S is little more than the speed error, but at frequencies around c and below.
+        smaller the oscillation, the more beta_1 learns from it. A, as a speed, makes the ripple
+        `HARMFUL_RATIO` times the feedback's: S is about the speed error, except at frequencies up to about c.
         """
         law = self.law
         if not isinstance(law, RobustIlc) or not law.beta_1 or not self.settled:
@@ -178,7 +178,7 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
 
 
 def relay_warning(study: Study, name: str) -> Remark | None:
-    """Warning of a relay that makes more ripple than the feedback beside it leaves; None if it makes less."""
+    """Warning of a relay that makes more ripple than the linear feedback leaves; None if it makes less."""
     for key in study.scenarios_of(name):
         oscillation = switching(study, key, name)
         if oscillation is None:

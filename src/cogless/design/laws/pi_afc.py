@@ -104,7 +104,7 @@ class OrderLoop(LearningLoop):
         return np.asarray(np.exp(np.where(2 * f * self.plant.period < 1, power, 0.0)))
 
     def yet(self, f: ArrayLike, periods: float) -> Real:
-        """Of its own orders as far as they are learned, by the averaged factor; of others as it stays."""
+        """The error after `periods` / that under feedback alone; it shrinks only at the law's orders."""
         f, settled = np.asarray(f, dtype=float), self.residual(f)
         order = f / self.periods_per_second
         own = np.any(np.isclose(order[..., None], self.orders), axis=-1)
@@ -156,7 +156,7 @@ class PiAfcRules(FeedbackRules[PiAfc]):
         return OrderLoop
 
     def fastest(self) -> float:
-        """Its lowest order is learned up to there: two samples in a cycle."""
+        """The speed, rad/s, at which the lowest order has two samples in a cycle."""
         return math.pi * self.study.drive.rates.outer_loop / self.law.orders[0]
 
     def auto(self) -> Values:

@@ -162,7 +162,7 @@ class SpacePositionRules(SpaceRules[SpacePosition]):
         return {f"{key}.{gain}": value for gain, value in slower.items()}
 
     def auto(self) -> Values:
-        """The integral stays beside what is learned: a load may change at any angle."""
+        """The integral stays on while the law learns: a load may change at any angle."""
         study, name = self.study, self.name
         values = {"frame": "mechanical", "hand_over": False} | numbers_by_hand(study, name)
         return values | _in_angle(with_numbers(study, name, values), name)

@@ -126,7 +126,7 @@ class ModelCertificate:
     stable: bool
     delayed_radius: float  # largest spectral radius with one more sample of delay at the input
     delayed_stable: bool
-    phi_radius: float | None  # largest of Phi (27) at any vertex; None without K_3 or if the shift isn't r
+    phi_radius: float | None  # largest radius of Phi (27) at a vertex; None: no K_3, or shift isn't r
     without_filter: Learning | None  # None without learning, or if unstable along the trial
     with_filter: Learning | None  # None also if there is no filter
     growth: float | None  # factor per trial after many trials, trial ends and filter included: response.py
@@ -153,12 +153,12 @@ class Certificate:
 
     design: ModelCertificate
     exact: ModelCertificate | None
-    discretisation: Discretisation | None  # the error of the design's sampled models
+    discretisation: Discretisation | None  # sampling of the design's models; None: given as discrete models
     samples: int  # random plants
 
     @property
     def decides(self) -> Literal["design", "exact"]:
-        """Which of the two sets decides: that of the plants exactly sampled, as they are, if it is known."""
+        """Which of the two sets decides: that of the exactly sampled plants, if it is known."""
         return "design" if self.exact is None else "exact"
 
     @property
@@ -178,7 +178,7 @@ class Update:
     matrix: Real | None = None  # norm-optimal: L
 
     def on(self, G: Complex, w: Real) -> Complex:
-        """The G of F = 1 - K G: the plants' G, or with norm-optimal learning its operator times G."""
+        """The G of F = 1 - K G: the plants' G, for norm-optimal learning times the operator."""
         if self.ratio is None or self.nominal is None:
             return G
         model = Bundle([self.nominal], self.shift)(w)[0]

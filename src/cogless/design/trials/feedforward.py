@@ -19,9 +19,9 @@ import numpy as np
 
 from cogless.design.trials.model import DesignError, Model, Real, markov, relative_degree
 
-CREEPING_POLE_LEAST = 1 - 1e-6
-SWINGING_POLE_LEAST = 0.99
-RINGING_POLE_LEAST = 0.9
+CREEPING_POLE_LEAST = 1 - 1e-6  # |z|; a positive real zero above this isn't cancelled
+SWINGING_POLE_LEAST = 0.99  # |z|; a complex zero above this isn't cancelled
+RINGING_POLE_LEAST = 0.9  # |z|; a zero with a negative real part above this isn't cancelled
 AMPLIFICATION_MOST = 1e3  # largest amplification that is accepted from uncancelled zeros next to z = 1
 
 
@@ -33,7 +33,7 @@ class Feedforward:
     den: Real  # den[0] = 1
     preview: int  # samples
     method: Literal["perfect tracking", "zero-phase error tracking", "inverse"]
-    kept_zeros: tuple[complex, ...]  # those that are not cancelled
+    kept_zeros: tuple[complex, ...]  # zeros that are not cancelled
 
 
 def loop(model: Model, K_1: Real) -> Model:

@@ -41,14 +41,14 @@ from cogless.study.reading import Changes, Remark
 from cogless.study.trial_study import EachTrial, TrialConditions
 from cogless.units import TURN
 
-SAMPLE_ROUNDING = 1e-9
+SAMPLE_ROUNDING = 1e-9  # relative error of a value at the end of its range
 ANGLE_OUTPUT = np.array([1.0, 0.0])  # C of a drive, whose states are angle and speed
-OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
+OTHER_CHOICES = 4  # number of choices of shift and filter, tried where the best would end above the feedback
 Pair = tuple[str, str]  # scenario, controller
 
 
 class Designs(dict[Pair, TrialDesign]):
-    """Designs by (scenario, controller). `without`: why the others have none; asked for, one raises that."""
+    """Designs by (scenario, controller). `without`: errors of pairs without a design; look-ups raise them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -187,7 +187,7 @@ def _designed(
 def _predicted(
     study: TrialStudy, scenario: str, plant: UncertainPlant, settings: TrialSettings, design: TrialDesign
 ) -> Prediction | None:
-    """What the design makes of the scenario; None if a plant is unstable, or if there is no K_3 to learn."""
+    """The prediction for the scenario; None if a plant is unstable, or if there is no K_3 to learn with."""
     certificate = design.certificate
     if not certificate.deciding.stable or (design.gains.no_K_3 is not None and needs_K_3(settings)):
         return None
@@ -197,7 +197,7 @@ def _predicted(
 def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
     """The phases of a scenario as a linear plant sees them: loads in the unit of the input.
 
-    Each has its own plant, if that is within the design's ranges.
+    Each phase has its own plant, if that is within the design's ranges.
     """
     phases = []
     inside = not _outside(study, scenario)
@@ -227,7 +227,7 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
 
 
 def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialConditions) -> Model:
-    """The plant of a phase, exactly sampled; of a drive as its law sees it."""
+    """The plant of a phase, exactly sampled; a drive's plant is as the law sees it."""
     if study.plant is not None:
         A, B = study.plant.matrices_at(conditions.override or {})
         if study.plant.model == "discrete":
@@ -266,7 +266,7 @@ def _random(study: TrialStudy, conditions: TrialConditions, unit: float) -> Dist
 
 
 def _limit(study: TrialStudy) -> float:
-    """Largest input."""
+    """The limit of the input, in the input's unit."""
     if study.plant is not None:
         return study.plant.input_limit
     assert study.drive is not None
@@ -285,7 +285,7 @@ def _changes(cure: Changes, study: TrialStudy, scenario: str, controller: str) -
 def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialParameters:
     """The parameters of a law, where a study differs from `like` in a few values, without a certificate.
 
-    Gains of the other's design are reused where they are right. StudyError as `design_study`.
+    Gains of the design of `like` are reused where they are right. Raises StudyError as `design_study`.
     """
     alike = all(
         getattr(study, key) == getattr(like, key) for key in ("plant", "motor", "mechanics", "design")
@@ -300,7 +300,7 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
             gains = like.once(_own_gains, run)
             if settings.K_3 is not None:
                 gains = replace(gains, K_3=settings.K_3)
-            return trial_parameters(uncertain_plant(like), settings, gains)  # the same, and made once
+            return trial_parameters(uncertain_plant(like), settings, gains)  # the same plant, made once
         return trial_parameters(uncertain_plant(study), settings, _gains_alone(study, settings))
 
 

@@ -118,7 +118,7 @@ class TrialSettings:
     integral: bool = True
     learning: bool = True
     feedforward: bool = True  # dynamic
-    inverted: Discretisation = "exact"  # nominal plant that it inverts; exact: if the sampling is known
+    inverted: Discretisation = "exact"  # sampling of the nominal plant that it inverts; exact only if known
     cutoff: float | Literal["auto"] | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
     ends: Ends = "even"  # reflection by which the filter continues the trial
@@ -158,7 +158,7 @@ class TrialGains:
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
     notes: tuple[Remark, ...]  # of the feedback; their cures have the names of settings as keys
     observer: ObserverGains | None = None  # of kind observer, in place of K_s
-    cutoff: float | None = None  # of kind observer, Hz, or chosen: None is then no filter
+    cutoff: float | None = None  # Hz, of kind observer or chosen by the design; a chosen None is no filter
     shift: int | None = None  # samples; None: none was chosen
     learning_notes: tuple[Remark, ...] = ()  # of K_3, for the laws that learn with it
 
@@ -305,7 +305,7 @@ def design_trial(
     parameters, law, update = _parameters(plant, settings, gains or design_gains(plant, settings))
     sampled_exactly = (
         plant.discretisation == "exact" and not plant.sensor.at_once
-    )  # one row: what the law gets of it
+    )  # The certificate then has one row: the plants as the law gets them.
     certified = plant.as_held if parameters.gains.observer or sampled_exactly else plant
     loop = parameters.gains.observer or law
     certificate = certify(
@@ -320,7 +320,7 @@ def design_trial(
 def scenario_prediction(
     plant: UncertainPlant, settings: TrialSettings, gains: TrialGains, phases: Sequence[Conditions]
 ) -> Prediction:
-    """What the controller makes of a scenario, at each corner, the nominal and the simulated plant.
+    """The prediction for a scenario, at each corner, the nominal and the simulated plant.
 
     The plants are exactly sampled if that is known. DesignError as `design_trial`.
     """
@@ -665,7 +665,7 @@ def _warnings(
 ) -> list[Remark]:
     """Warnings that the error can grow along the trial or from trial to trial, with the remedy.
 
-    They are of the models that decide.
+    The warnings are about the models that decide.
     """
     notes: list[Remark] = []
     kind, part = certificate.decides, certificate.deciding

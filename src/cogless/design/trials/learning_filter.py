@@ -8,9 +8,9 @@ response.py and the error E without learning, that is after n trials
 
 E is the error that a step of the load at the input causes. The choice has the smallest RMS of R_n E over that
 of E after JUDGED_TRIALS trials, at the worst corner. |F| must be at most PROPOSED_FACTOR_MOST and |R| at most
-REMAINS_MOST at every plant and frequency. A grid of choices is searched by frequency. The best of it are
-refined over a trial of finite length (response.py), with a load from the first sample and one from the middle
-on, so that its ends count. A choice is refused if the error grows at the ends with it.
+REMAINS_MOST at every plant and frequency. A grid of choices is searched by frequency. The best choices
+are refined over a trial of finite length (response.py), with a load from the first sample and one from the
+middle on, so that the trial's ends count. A choice with which the error grows at the ends is refused.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from cogless.design.trials.response import (
 JUDGED_TRIALS = 10  # trials after which the error that is left is compared
 SLOWEST_FACTOR = 0.999  # |F| that is accepted where no choice keeps to PROPOSED_FACTOR_MOST
 REMAINS_MOST = 1.01  # |R|: what remains of a frequency's error in the end, over its size without learning
-CUTOFFS_TRIED, GAINS_TRIED = 20, 14
+CUTOFFS_TRIED, GAINS_TRIED = 20, 14  # cut-offs and gains of the grid of choices
 GAIN_RANGE = (0.05, 2.0)  # K_3 times G at zero frequency
 CUTOFF_RANGE = (1e-3, 0.45)  # times the sampling rate
 GRID_STRIDE = 3  # every third frequency is looked at in the grid of choices
@@ -53,7 +53,7 @@ FIRST_STEPS = (4, 1.3, 1.3)  # of the refinement: samples, factor of the cut-off
 LAST_STEP = 1.02  # factor of K_3 and of the cut-off at which the refinement ends
 LOWER_CUTOFF, CUTOFFS_LOWERED = 0.8, 4  # a cut-off that is tried where the trial's ends grow, and how often
 CUTOFF_DIGITS, K_3_DIGITS = 3, 4  # of what is chosen: a study can repeat it
-SQUARE_LEAST = 1e-300  # no division by zero
+SQUARE_LEAST = 1e-300  # least divisor, against a division by zero
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class Bench:
     drawn: Sequence[Loop]  # from v to y, at random plants: likewise, but only what is chosen is tried there
     least_shift: int  # the relative degree
     period: float  # s
-    samples: int  # a trial has so many
-    order: int  # the filter has this order
+    samples: int  # samples of a trial
+    order: int  # order of the filter
     shift: int | Literal["auto"] = "auto"  # samples
     cutoff: float | Literal["auto"] | None = "auto"  # Hz; None: no filter
     filtered: Filtered = "signal"
@@ -84,7 +84,7 @@ class Bench:
 
     @cached_property
     def everywhere(self) -> Bundle:
-        """All loops from v to y but the random ones, those that are judged first."""
+        """All loops from v to y except the random ones. These loops are judged first."""
         return Bundle(padded([*self.learning, *self.others]), 0)
 
     @cached_property
@@ -109,7 +109,7 @@ class Bench:
 
     @cached_property
     def errors(self) -> Real:
-        """Errors without learning: of a load from the first sample on, then from the middle on; as loops."""
+        """Errors without learning: rows for a load from the first sample, then for one from the middle."""
         steps = np.ones((2 * len(self.loaded), self.samples))
         steps[len(self.loaded) :, : self.samples // 2] = 0.0
         loops = [*self.loaded, *self.loaded]
@@ -117,7 +117,7 @@ class Bench:
 
     @cached_property
     def lag(self) -> int:
-        """The longest lag of a loop, samples, as far as a shift may be."""
+        """The longest lag of a loop, in samples, limited to the range of possible shifts."""
         return int(np.clip(longest_lag(self.response, self.grid), self.least_shift, self.samples - 1))
 
     @property
@@ -142,7 +142,7 @@ class Bench:
         return max(lowest, 0.5 / self.samples) / self.period, highest / self.period
 
     def near(self, choice: Choice, steps: tuple[int, float, float]) -> Iterator[Choice]:
-        """Choices that are a step away, where that is free."""
+        """Choices that are a step away in K_3, or in a shift or cut-off that the design may choose."""
         low, high = self._cutoff_range
         for sign in (1, -1):
             shift = int(np.clip(choice.shift + sign * steps[0], self.least_shift, self.samples - 1))
@@ -178,7 +178,7 @@ class Bench:
         return self._shrinks(self.response, choice, most)
 
     def shrinks_drawn(self, choice: Choice, most: float) -> bool:
-        """The same at the random plants."""
+        """Whether |F| <= most and |R| <= REMAINS_MOST at every random plant and frequency."""
         return not self.drawn or self._shrinks(self._drawn_response, choice, most)
 
     @cached_property

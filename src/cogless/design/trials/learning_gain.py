@@ -32,7 +32,7 @@ from cogless.design.trials.state_feedback import (
     minimise,
 )
 
-MIXTURE_COUNT = 100
+MIXTURE_COUNT = 100  # random mixtures of vertices that the polytope must contain
 FREQUENCIES_LEAST, FREQUENCIES_MOST = 1024, 8192  # `cost` uses a number of frequencies between these
 
 

@@ -4,9 +4,8 @@ continuous  x' = A_c x + B_c u
 euler       A = I + T A_c,  B = T B_c: maps a polytope to a polytope, but is inexact for a held input
 exact       A, B from the exponential of [[A_c, B_c], [0, 0]] T: exact for u held over a sample
 
-Digital filters as scipy.signal has them, whose import takes as long as a design.
-
-The exception of a design; its message says in one line which input was expected.
+The file also has digital filters as in scipy.signal, whose import takes as long as a design, and the
+exception of a design, whose message says in one line which input was expected.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ class Model:
 
     A: Real
     B: Real
-    continuous: Model | None = None  # the plant that is exactly sampled; None: not known, or another
+    continuous: Model | None = None  # the continuous plant, if this model samples it exactly; else None
     seen: Real | None = None  # (plant's order, n): the plant's state as a law gets it; None: as it is
     lift: Real | None = (
         None  # (n, plant's order): from the plant's state to this model's, at a constant speed
@@ -56,15 +55,15 @@ class Model:
 
     @property
     def view(self) -> Real:
-        """(plant's order, n): the plant's state as a law gets it."""
+        """The matrix (plant's order, n) from this model's state to the plant's state as a law gets it."""
         return np.eye(self.order) if self.seen is None else self.seen
 
     def output(self, C: Real) -> Real:
-        """(n,): the true output, of the plant's C."""
+        """The row (n,) that gives the true output, from the plant's C."""
         return np.append(C, np.zeros(self.order - len(C)))
 
     def started(self, x: Real) -> Real:
-        """The state at the start of a trial, of the plant's state."""
+        """This model's state at the start of a trial, from the plant's state x."""
         return x if self.lift is None else np.asarray(self.lift @ x)
 
     @property
@@ -137,7 +136,7 @@ def relative_degree(model: Model, C: Real) -> int:
 
 
 def first_effect(parameters: Real) -> int:
-    """The relative degree, of all Markov parameters of a model."""
+    """The relative degree, from the Markov parameters of a model; 0 if all are zero."""
     nonzero = np.flatnonzero(parameters)
     return int(nonzero[0]) + 1 if len(nonzero) else 0
 
@@ -178,7 +177,7 @@ def butterworth_polynomials(order: int, cutoff: float) -> tuple[Real, Real]:
 
 
 def forward(b: Real, a: Real, x: Real) -> Real:
-    """Each row of x through its own b(1/z) / a(1/z) from rest: a row of b and of a each; a[:, 0] is one."""
+    """Each row of x, filtered from rest by b(1/z) / a(1/z) of the same rows of b and a; a[:, 0] is one."""
     return _filtered(b, a, np.zeros((len(a), a.shape[1] - 1)), x)
 
 

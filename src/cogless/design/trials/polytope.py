@@ -40,14 +40,14 @@ from cogless.design.trials.model import (
 )
 from cogless.design.trials.sensing import Sensor, sensed
 
-QHULL_DIMENSIONS = 6
+QHULL_DIMENSIONS = 6  # largest number of dimensions in which a hull is computed
 FLAT_SHARE = 1e-8  # share of the largest singular value; below it the points do not span a direction
 # share of the largest singular value; below it a direction gets a box instead of being inflated
 THIN_SHARE = 0.1
 CONSTANT_SPREAD = 1e-11  # spread / magnitude of an entry; below it the entry is constant
 # share of an entry's spread; less than this is ignored in a direction that the corners lack
 NEGLECTED_SHARE = 1e-4
-STRAIGHT_AREA = 1e-14  # twice a triangle's area / the spread's square; below it a corner is none
+STRAIGHT_AREA = 1e-14  # twice a triangle's area / the spread's square; below it the corner is dropped
 # a point counts as inside if it is outside by less than this share of the hull's size
 INSIDE_TOLERANCE = 1e-7
 RESERVE_SHARE = 0.1  # share of the excess that is added as reserve, because samples do not reach the extremes
@@ -68,7 +68,7 @@ class _Frame:
         return inside, scaled - inside @ self.basis
 
     def back(self, inside: Real, rest: Real) -> Real:
-        """The points with given coordinates and offsets: the inverse of `of`."""
+        """The points with given coordinates and offsets: the inverse of `coordinates`."""
         return np.asarray(self.origin + self.scale * (inside @ self.basis + rest))
 
 
@@ -253,7 +253,7 @@ class UncertainPlant:
     relative_degree: int  # r
     exact_hull: bool  # the polytope is the corners' hull, and that contains all samples
     note: str
-    sensor: Sensor = field(default=Sensor(), kw_only=True)  # through which a law gets the exact ones
+    sensor: Sensor = field(default=Sensor(), kw_only=True)  # a law gets the exactly sampled models through it
     #: draws a number of random discrete models within the uncertainty, and the same plants sampled exactly
     sample: Draw = field(repr=False, compare=False)
 
@@ -274,7 +274,7 @@ class UncertainPlant:
 
     @property
     def as_held(self) -> UncertainPlant:
-        """The same plants exactly sampled, with the corners as vertices, or itself if those aren't known."""
+        """This plant exactly sampled, with the corners as vertices; this plant itself if that isn't known."""
         if self.exact_vertices is None or self.exact_nominal is None:
             return self
 
@@ -429,7 +429,7 @@ def _discrete(models: Sequence[Model], period: float, how: Discretisation | None
 
 
 def _designed(models: Sequence[Model], period: float, how: Discretisation | None) -> list[Model]:
-    """The first part of `_discrete` alone."""
+    """The discrete models of `_discrete`, without the exactly sampled ones."""
     return list(models) if how is None else [sampled(m, period, how) for m in models]
 
 

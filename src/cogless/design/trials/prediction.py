@@ -1,19 +1,18 @@
 """What a trial controller makes of a scenario, by linear simulation of its plants, before anything is run.
 
-The certificate speaks of any error. But a scenario has its own: of its reference, start and load at each
-plant,
-and where the filter or the ends keep learning from some of it, the sum may end above what the feedback alone
-leaves. So the scenario itself is tried: at each corner one trial of the feedback is simulated, and from its
-error d the errors of all trials follow as R_k d (response.py), phase after phase with what was learned
-before.
+The certificate is for any error. A scenario has a particular error at each plant, from its reference, start
+and load. Where the filter or the trial's ends keep learning from some of this error, the sum may end above
+what the feedback alone leaves. So the scenario itself is tried: at each corner one trial of the feedback is
+simulated, and from its error d the errors of all trials follow as R_k d (response.py), phase after phase with
+what was learned before.
 
 What differs at random from trial to trial is added as a mean square (random_errors.py). The last plant is the
 one that the scenario simulates, phase by phase, if that is within the design's ranges.
 
-It knows the sensor's delay and, as noise, its steps (quantisation.py). It knows neither other noise, nor the
-current loop, nor friction that isn't viscous, nor the limit: `peak` says what the input would need.
+The prediction has the sensor's delay and, as noise, its steps (quantisation.py). It has neither other noise,
+nor the current loop, nor friction that isn't viscous, nor the limit: `peak` says what the input would need.
 
-What was learned for one reference, moved to another, as trial_basis.h of the control library does it.
+`carried` moves what was learned for one reference to another, as trial_basis.h of the control library does.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ from cogless.design.trials.random_errors import Disturbances, Loops, random_erro
 from cogless.design.trials.response import TrialMap
 from cogless.design.trials.trial_observer import ObserverGains, observer_gains
 
-PIVOT_LEAST = 1e-3  # of a function's sum of squares: with less left beside those before it, it is left out
+PIVOT_LEAST = 1e-3  # share of a function's sum of squares that must be independent of earlier functions
 
 
 def functions(reference: Real) -> Real:
-    """Columns: a constant, acceleration, speed, its sign, jerk; (samples, 5)."""
+    """Basis functions, as columns (samples, 5): a constant, acceleration, speed, the speed's sign, jerk."""
     whole = np.concatenate([reference[:1], reference, np.repeat(reference[-1:], 2)])
     steps = np.diff(whole)
     earlier, speed, later = steps[:-2], steps[1:-1], steps[2:]
@@ -43,10 +42,10 @@ def functions(reference: Real) -> Real:
 
 
 def carried(v: Real, old: Real, new: Real, n: float, k_2: float) -> Real:
-    """v (plants, samples) for the new reference.
+    """v (plants, samples), moved from the old reference to the new one.
 
-    `n`: gain from v to the input. `k_2`: of the integral that v acts through, 0 without one. v itself where
-    the law can't move it.
+    `n`: gain from v to the input. `k_2`: gain of the integral that v acts through, 0 without one. Where the
+    law can't move v, v is returned as it is.
     """
     if n == 0 or not 0 <= k_2 / n < 2:
         return v
@@ -76,10 +75,10 @@ def _least_squares(columns: Real, w: Real) -> Real:
     return theta
 
 
-PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
-FINAL_TRIALS = 10  # of a phase, or half of it: the largest RMS of these is its final error
-FLOOR_RATIO = 1.1  # times the final error: what is below is at the floor
-STILL_FALLS = 0.98  # of the error FINAL_TRIALS before the last that was tried: more trials are needed
+PHASE_TRIALS = 80  # largest number of trials that are computed of a phase; later ones are like the last
+FINAL_TRIALS = 10  # last trials of a phase, at most half of it: their largest RMS is its final error
+FLOOR_RATIO = 1.1  # error / final error; below this a trial is at the floor
+STILL_FALLS = 0.98  # last error / that FINAL_TRIALS before; below this the error still falls
 ERROR_ROUNDING = 1e-3  # share of the feedback's error; less is rounding, or what the last trials still change
 
 
@@ -111,12 +110,12 @@ class PhasePrediction:
     feedback_random: Real  # (plants,), the same without learning
     steps: Real  # (plants,), RMS that the sensor's steps leave in the last trial
     feedback_steps: Real  # (plants,), the same without learning
-    trials: int  # of the phase; `learned` has PHASE_TRIALS at most
-    steps_count: bool = True  # in the share: False where a study's certificate leaves the sensor out
+    trials: int  # trials of the phase; `learned` has PHASE_TRIALS at most
+    steps_count: bool = True  # whether `share` counts the steps; False: not in the certificate
 
     @property
     def trials_to_floor(self) -> tuple[int | None, ...]:
-        """Of each plant the trial from which the error stays at its floor; None if it isn't there yet."""
+        """For each plant, the trial from which the error stays at its floor; None: it isn't there yet."""
         rows = self.with_steps
         falls = rows[:, -1] < STILL_FALLS * rows[:, -_final_trials(rows)]
         ends_early = self.trials > rows.shape[1]
@@ -143,17 +142,17 @@ class PhasePrediction:
 class Prediction:
     """A scenario's phases at each plant."""
 
-    labels: tuple[str, ...]  # one says which plant it is
+    labels: tuple[str, ...]  # names of the plants
     phases: tuple[PhasePrediction, ...]
 
     @property
     def trials_to_floor(self) -> tuple[int | None, ...]:
-        """Of each phase, at the simulated plant; None if that needs more trials than were tried."""
+        """For each phase, trials to the floor at the simulated plant; None: more than were tried."""
         return tuple(phase.trials_to_floor[-1] for phase in self.phases)
 
     @property
     def floor(self) -> tuple[float, ...]:
-        """The final error of each phase at the same plant: the largest RMS of its last FINAL_TRIALS."""
+        """The final error of each phase at the simulated plant: the largest RMS of its last FINAL_TRIALS."""
         rows = [phase.with_steps[-1] for phase in self.phases]
         return tuple(float(np.max(row[-_final_trials(row) :])) for row in rows)
 
@@ -164,7 +163,7 @@ class Prediction:
 
     @property
     def worst_phase(self) -> int:
-        """The phase of this share, from 0."""
+        """The number, from 0, of the phase with the largest share."""
         return int(np.argmax([phase.share for phase in self.phases]))
 
     @property

@@ -24,7 +24,7 @@ from cogless.design.trials.response import Bundle, Filter, Filtered
 from cogless.design.trials.sensing import Sensor
 from cogless.design.trials.trial_observer import ObserverGains
 
-STEP_FREQUENCIES = 400
+STEP_FREQUENCIES = 400  # frequencies at which the noise of the steps is computed
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Errors that differ at random: docs/theory/trial-design.md#what-differs-from-trial-to-trial.
 
 A start, a load or noise that each trial draws anew can't be learned. Its error w_k stays, and what the law
-makes of it acts in the trials after. With the notation of response.py, and l_k where the law looks in place
-of w_k:
+makes of this error acts in the trials after. With the notation of response.py, and with l_k, which the law
+learns from in place of w_k:
 
     e_k = w_k - G (B l_{k-1} + M B l_{k-2} + M^2 B l_{k-3} + ...)
 
@@ -20,7 +20,7 @@ import numpy as np
 from cogless.design.trials.model import Real
 from cogless.design.trials.response import TrialMap
 
-PROBE_SAMPLES = 10_000  # of the rows together: the mean square is right within one to three percent
+PROBE_SAMPLES = 10_000  # samples of all rows together: the mean square is right within one to three percent
 TERMS_MOST = 200  # trials whose terms are added
 TERM_LEAST = 1e-4  # share of the sum; smaller terms end it
 
@@ -63,7 +63,7 @@ class Amplification:
     noise: Real  # (plants,), of noise on the measured states that y consists of
 
     def worst(self, of: Real) -> tuple[float, str]:
-        """The largest of the plants, and its name."""
+        """The largest value in `of`, which has one for each plant, and the name of that plant."""
         k = int(np.argmax(of))
         return float(of[k]), self.labels[k]
 
@@ -98,7 +98,7 @@ def random_errors(loops: Loops, disturbances: Disturbances, trials: int) -> tupl
 
 
 def _errors(loops: Loops, disturbances: Disturbances) -> Iterator[tuple[Real, Real]]:
-    """Error and lesson of one trial with each independent disturbance."""
+    """Yields, for each independent disturbance, a trial's error and what the law learns from."""
     samples, plants, n = loops.trial.samples, len(loops.trial.loops), len(loops.C)
     rest = np.zeros(n)
     constant = np.ones((samples, plants))

@@ -52,12 +52,12 @@ from cogless.design.trials.model import (
 )
 
 Filtered = Literal["error", "signal"]
-GRID_FREQUENCIES = 700
+GRID_FREQUENCIES = 700  # evenly spaced frequencies of a grid
 POLE_DISTANCES = np.array(
     [0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0]
-)  # from a pole's angle, in 1 - |p|
+)  # distances of grid points from a pole's angle, in units of 1 - |p|
 NARROW_POLE_DISTANCE = 0.05  # a pole further from the unit circle needs no grid points of its own
-REFINEMENT_ROUNDS = 3
+REFINEMENT_ROUNDS = 3  # rounds in which a maximum is searched on a finer grid
 MAXIMA_MOST = 40  # largest number of local maxima that are refined
 FACTOR_ROUNDING = 1e-9  # a factor above one by less is rounding, and harmless for a million trials
 
@@ -237,7 +237,7 @@ def best_gain(G: Complex, H: Real | float = 1.0) -> tuple[float, float]:
 def gain_limits(G: Complex, H: Real | float = 1.0, filtered: Filtered = "error") -> Real:
     """The K > 0 at which |F| reaches 1 + FACTOR_ROUNDING, for each model and frequency.
 
-    It is about 0 if any K exceeds that.
+    The limit is about 0 if every K > 0 exceeds that level.
 
     K solves a quadratic equation. With the filter on the signal it is
     |1 - K G|^2 = (1 + FACTOR_ROUNDING)^2 / H^2.
@@ -281,8 +281,8 @@ def _maxima(values: Real) -> NDArray[np.intp]:
     return maxima[np.argsort(risen[tuple(maxima.T)])[::-1][:MAXIMA_MOST]]
 
 
-TRIALS_TRIED = 80
-POWERS = (1, 2, 3, 5, 8)  # of M, whose norms are found
+TRIALS_TRIED = 80  # trials that are simulated to find the growth per trial
+POWERS = (1, 2, 3, 5, 8)  # powers of M whose norms are computed
 SHARES = (1, 2, 4, 8, 24)  # trials after which the error's largest share is found
 NORM_ITERATIONS = 6  # for each norm; the estimate is from below
 VECTOR_ROUNDING = 1e-12  # share of the largest value; a next vector below it is only rounding

@@ -44,8 +44,8 @@ class Sensor:
     def smoothing(self) -> tuple[Real, Real, Real, Real]:
         """Continuous filter between angle and speed: A, b, its output, and its state at a steady turn.
 
-        The state for an angle of zero is the last array times the speed. Without observer and filter it has
-        no state.
+        The state for an angle of zero is the last array times the speed. Without observer and low-pass the
+        filter has no state.
         """
         if not self.bandwidth and not self.speed_filter:
             return np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0)
@@ -63,10 +63,10 @@ class Sensor:
         return A, np.append(gains, 0.0), np.array([0.0, 0, 0, 1]), np.array([0.0, 1, 0, 1])
 
     def errors(self, w: Real, period: float) -> list[Complex]:
-        """Errors of angle and speed by one of the angle, at w in rad per sample, (2, len(w)) each.
+        """Errors of angle and speed per error of one angle, at w in rad per sample, (2, len(w)) each.
 
-        First by the error of this sample's angle, then by that of the angle at the window's begin, which is
-        another.
+        The first entry is for the error of this sample's angle. With a window, the second is for the error of
+        the angle at the window's begin, which is another error.
         """
         s = 1j * w / period
         A, b, c, _ = self.smoothing
@@ -82,7 +82,7 @@ class Sensor:
         return [np.array([angle, smooth if self.bandwidth else none])]
 
     def powers(self, path: Disturbed, w: Real, period: float) -> Real:
-        """Of output, lesson and input: |T|^2 by white noise of the angle, at w in rad per sample, (3, w)."""
+        """|T|^2 from white noise of the angle to output, lesson and input, at w in rad per sample; (3, w)."""
         responses = [path.through(errors, w) for errors in self.errors(w, period)]
         return np.asarray(np.sum(np.abs(responses) ** 2, axis=0))
 
@@ -105,7 +105,7 @@ def sensed(plant: Model, C: Real, period: float, sensor: Sensor) -> Model:
     rates[n : n + m, :n], rates[n : n + m, n : n + m] = np.outer(b_f, C), A_f
     angle, smooth = np.append(C, np.zeros(m + 1)), np.concatenate([np.zeros(n), c_f, [0.0]])
     speed = np.append(C @ A_c, np.zeros(m + 1))
-    # the state at a time s before the start, of an axis that came at its speed
+    # the state at a time s before the start, if the axis came at its present speed
     steady = np.zeros((n + m, n))
     steady[:n] = np.eye(n)
     if m:

@@ -36,7 +36,7 @@ from cogless.design.trials.polytope import UncertainPlant
 
 EIGENVALUE_TOLERANCE = 1e-7  # an eigenvalue above minus this share of the block's largest counts as positive
 RESCALINGS_MOST = 4  # attempts to minimise a cost, each in coordinates from the attempt before
-STATUS = {  # Clarabel's, of those that come with a solution
+STATUS = {  # statuses of Clarabel that come with a solution
     "Solved": "optimal",
     "AlmostSolved": "optimal_inaccurate",
     "MaxIterations": "user_limit",
@@ -78,7 +78,7 @@ class Unknown:
 def minimise(
     unknowns: Sequence[Unknown], blocks: Sequence[Callable[..., Real]]
 ) -> tuple[str, list[Real] | None]:
-    """Minimises the weighted sum such that all blocks are positive semidefinite.
+    """Minimises the unknowns' weighted sum under the condition that all blocks are positive semidefinite.
 
     A block is an affine function of the unknowns, its value a symmetric matrix. Returns the status, such as
     "optimal" or "stalled", and the unknowns' values, or "failed" and None. Values of any status may be wrong:
@@ -118,7 +118,7 @@ def minimise(
 
 
 def _triangle(matrix: Real) -> Real:
-    """The upper triangle of a symmetric matrix, column by column, such that products of matrices are kept."""
+    """The upper triangle of a symmetric matrix, column by column, scaled to keep inner products."""
     i, j, scale = _upper(len(matrix))
     return np.asarray(scale * matrix[i, j])
 
@@ -138,7 +138,7 @@ def smallest_share(blocks: Sequence[Real]) -> float:
 
 DESIGN_TRIES = 3  # tries, each in coordinates in which the Y of the try before is I
 SINGULAR_Y_MOST = 1e-9  # a Y with an eigenvalue below this counts as singular; its upper bound is I
-NORM_SLACK = 1e-9  # by which |A_j + B_j K|^2 has to be below one
+NORM_SLACK = 1e-9  # |A_j + B_j K|^2 has to be below one by this
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What `cogless design` prints of a study of trials: a block a controller, its answer first.
+"""What `cogless design` prints of a study of trials: a block for each controller, its answer first.
 
 The whole, with the certificate's numbers, is the tables of trial_summary.py.
 """

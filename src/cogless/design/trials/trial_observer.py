@@ -28,7 +28,7 @@ REMAINING_SHARE_MOST = 2 / 3
 QUIET_SHARE = (
     1 / 30
 )  # of the limit of u: most RMS of the sensor's steps; three times this RMS is a tenth of the limit
-NOISE_FREQUENCIES = 200
+NOISE_FREQUENCIES = 200  # frequencies at which the noise of the steps is computed
 POLES = np.arange(0.95, 0.045, -0.01)
 # responses that are tried at each pole, from half the weakest plant's to twice the strongest's
 RESPONSE_COUNT = 25
@@ -54,7 +54,7 @@ class ObserverGains:
         return Loop(A, B, np.append(model.output(C), np.zeros(LAW_STATES)))
 
     def disturbed(self, model: Model, C: Real) -> Disturbed:
-        """The closed loop from an error of the angle and the speed that the law gets; it doesn't use this."""
+        """The closed loop from an error of the angle and the speed that the law gets; the speed is unused."""
         A, _, u_fb, missing = self._rows_with_error(model, C)
         acts = np.column_stack([A[:, -1], np.zeros(len(A))])
         position = np.append(model.output(C), np.zeros(LAW_STATES))
@@ -89,7 +89,7 @@ class ObserverGains:
         return A[:, :-1], B, u_fb[:-1], missing[:-1]
 
     def _rows_with_error(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
-        """The same with a last column, of an error of the angle that the law gets."""
+        """The loop with a last column, for an error of the angle that the law gets."""
         n, g = model.order, self.response
         states = np.eye(n + LAW_STATES, n + LAW_STATES + 1)
         e = np.concatenate([-C @ model.view, np.zeros(LAW_STATES), [-1.0]])
@@ -149,8 +149,8 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
         stable = (g for g in reversed(tries) if max(g.radius(model, plant.C) for model in models) < 1)
         return next(stable, None)
 
-    # From pole to pole a loop turns unstable only through an unbounded |S|. So of those that keep the bound
-    # the fastest is looked at first, and seldom another.
+    # From pole to pole a loop turns unstable only through an unbounded |S|. So of the poles that keep the
+    # bound the fastest is examined first, and another one seldom.
     candidates: list[ObserverGains] = []
     for p, from_error in zip(poles, feedback, strict=True):
         g, sensitivity = _best_response(from_error * G, tried)
@@ -179,7 +179,7 @@ def input_by_steps(plant: UncertainPlant, gains: ObserverGains) -> float:
 
 
 def _best_response(L: Complex, tried: Real) -> tuple[float, float]:
-    """The g of those tried with the smallest max |S| = g / |g + L| over plants and frequencies, and that."""
+    """The tried g with the smallest max |S| = g / |g + L| over plants and frequencies, and this maximum."""
     real, imag = np.ascontiguousarray(L.real), L.imag**2
     nearest = [float(np.min((real + g) ** 2 + imag)) for g in tried]
     worst = tried / np.sqrt(nearest)

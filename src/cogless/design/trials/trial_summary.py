@@ -22,7 +22,7 @@ from cogless.study import TrialStudy
 if TYPE_CHECKING:
     from rich.console import Group
 
-NO_GAIN = 5e-5  # largest K_3 below which the table says "none", because it would print zero
+NO_GAIN = 5e-5  # a largest K_3 up to this prints as "none", since it would print as zero
 
 LEGEND = (
     "along the trial: the loop's largest pole; one more sample: the same with one more sample of delay "
@@ -156,7 +156,7 @@ def warnings(design: TrialDesign) -> list[str]:
 def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> list[str]:
     """The notes of designs as sentences, each with the labels of its controllers in front.
 
-    A note that all of several controllers have is one of the plant or the scenario, and has no label.
+    If there are several controllers, a note that all have is about plant or scenario, and gets no label.
     """
     owners: dict[str, list[str]] = {}
     for name, design in designs.items():

@@ -12,7 +12,7 @@ from cogless.export.c.texts import law_texts, law_words
 from cogless.export.prepared import Prepared, Recording
 from cogless.study.laws.microstepping import Microstepping, wrong_current
 
-TURN_STEPS = 256  # of the self-test, in an electrical turn
+TURN_STEPS = 256  # periods of the self-test per electrical turn
 
 
 def microstepping_texts(subject: Subject, prepared: Prepared, recording: Recording) -> dict[str, str]:
@@ -35,7 +35,7 @@ def microstepping_texts(subject: Subject, prepared: Prepared, recording: Recordi
 
 
 def _correction(law: Microstepping) -> str:
-    """For which current the correction is, and what becomes of it at another."""
+    """Text on the current for which the correction is, and on the ripple left at another current."""
     if law.correction is None:
         return "none"
     own = law.correction.current
@@ -52,8 +52,8 @@ def _correction(law: Microstepping) -> str:
 def _test_periods(subject: Subject, prepared: Prepared, recording: Recording) -> list[str]:
     """A line of bit patterns for each period of the self-test.
 
-    The recorded periods, an electrical turn each way, and references that are not plausible. The engine's
-    controller computes the currents of all.
+    The lines are of the recorded periods, an electrical turn each way, and implausible references. The
+    engine's controller computes the coils' currents in all of these periods.
     """
     layout, state = subject.layout, prepared.drive.start()
     at_rest = dict.fromkeys(("theta_ref", "omega_ref", "alpha_ref", "i_d_ref", "i_q_ref"), 0.0)

@@ -1,6 +1,6 @@
 """Write the folder of `cogless export --to c`.
 
-Results of `cogless design` for one controller, as lines of text.
+Results of `cogless design` for one controller, as names and texts.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Flatten tables to dotted names with texts; empty values (null, an empty list) are left out."""
+    """Yield (dotted name, text) for each value of nested tables, without empty ones (null, empty list)."""
     for key, value in table.items():
         name = f"{prefix}{key}"
         if isinstance(value, dict) and value.keys() >= {"value", "unit"}:
@@ -58,7 +58,8 @@ def _value_text(value: Any) -> str:
     return " ".join(str(value).split()).replace("*/", "* /")
 
 
-# periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
+# Length of the self-test: TEST_TICKS current-loop periods, or LAW_STEPS periods of the law if these are
+# longer, so that the law does something; at most MOST_TICKS periods, which fit a microcontroller's flash.
 TEST_TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
 
 
@@ -70,12 +71,12 @@ def export_c(
     command: str = "",
     announce: Callable[[str], None] = lambda _: None,
 ) -> Subject:
-    """Write a controller as C, completely or not at all, and return the data it was written from.
+    """Write a controller as C, completely or not at all, and return the data of the export.
 
-    `scenario`: the one in which the self-test is recorded, default the first that has the controller.
-    `command`: the command line that made the export, for its README. `announce` gets a sentence on the size
-    of an export with a learning matrix, before it is written. StudyError: the export can't be made or
-    written.
+    `scenario`: scenario in which the self-test is recorded; default: the first that has the controller.
+    `command`: the command line that made the export, for its README. `announce` is called with a text on the
+    size of the files before they are written, if there is a learning matrix. StudyError: the export can't be
+    made or written.
     """
     sources.check(target)
     prepared = prepare_whole(study, first_scenario(study, controller, scenario), controller)
@@ -132,7 +133,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
 
 
 def _part(layout: Layout, drive: dict[str, Any], name: str) -> dict[str, Any] | None:
-    """The decoded configuration of a part that a drive may have; None if it hasn't."""
+    """The decoded configuration of an optional part of the drive; None if the drive lacks this part."""
     return layout.decode(f"cgl_{name}_config", drive[name]) if name in drive else None
 
 

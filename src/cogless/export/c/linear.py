@@ -28,8 +28,8 @@ from cogless.results.trace import Trace
 from cogless.run.run_plan import Plan, failures, plan, trace_of
 from cogless.study import TrialStudy
 
-TEST_SAMPLES = 2000  # of a self-test: it has as many whole trials as are within these, but two at least
-TEST_TRIALS = 3
+TEST_SAMPLES = 2000  # most samples of a self-test, except that two trials are always allowed
+TEST_TRIALS = 3  # most trials of a self-test
 
 
 def export_linear(
@@ -40,7 +40,7 @@ def export_linear(
     command: str = "",
     announce: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Write a controller of a linear plant as C, completely or not at all. Arguments as of `export_c`.
+    """Write a controller of a linear plant as C, completely or not at all. Arguments are as in `export_c`.
 
     StudyError: the export can't be made or written.
     """
@@ -64,7 +64,7 @@ def export_linear(
 
 
 def recorded(planned: Plan, ticks: int) -> Trace:
-    """The first samples of a run, a row for each. StudyError: the run fails."""
+    """Trace of the first `ticks` samples of a run, a row for each sample. StudyError: the run fails."""
     recorder = planned.engine.Recorder(planned.drive, 1, ticks)
     with failures(*planned.names):
         planned.drive.advance(planned.start(), recorder, ticks)
@@ -82,7 +82,7 @@ def contents(study: TrialStudy, planned: Plan, trace: Trace, trials: int, comman
 
 
 def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
-    """What fills the templates' placeholders."""
+    """{placeholder: text} for the templates."""
     _, scenario, controller = planned.names
     assert study.plant is not None
     layout, law = control_layout("double"), C_LAWS["trial"]
@@ -111,7 +111,7 @@ def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str,
 
 
 def _bit_pattern_lines(trace: Trace) -> str:
-    """A line of bit patterns for each sample."""
+    """C rows with the bit patterns of y_ref, states and u, and with the status, a line for each sample."""
     names = ["y_ref", *(name for name in trace.names if name.startswith("x_")), "u"]
     bits = np.column_stack([trace[name] for name in names]).astype(np.float64).view(np.uint64)
     status = trace["status"].astype(int)

@@ -1,9 +1,9 @@
-"""Code of the example for angle and speed from the study's sensor, with the parts that the simulation uses.
+"""Code of the example that measures angle and speed with the study's sensor, as the simulation does.
 
-The code first corrects the angle for the sensor's own error. It then estimates the speed from the corrected
+This code first corrects the angle for the sensor's own error. It then estimates the speed from the corrected
 angle.
 
-Parts of an export that only some laws need: a calibration run, trials.
+Parts of an export that only some laws or drives need: a calibration run, trials, compensation of dead time.
 """
 
 from __future__ import annotations
@@ -136,13 +136,13 @@ EMPTY = dict.fromkeys(
 
 
 def sensor(subject: Subject) -> IdealSensor | Counted | Hall:
-    """The study's position sensor; without a drive, an ideal one."""
+    """The study's position sensor; an ideal sensor if the study has no drive."""
     drive = subject.study.drive
     return drive.position_sensor if drive is not None else IdealSensor()
 
 
 def corner(subject: Subject) -> float | None:
-    """Frequency of the drive's speed filter, Hz; None without one."""
+    """Corner frequency of the drive's speed filter, Hz; None without a filter."""
     drive = subject.study.drive
     return None if drive is None else drive.speed_filter
 
@@ -310,7 +310,8 @@ COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
     }
 """
 CONVERT = "        cgl_current_reference_step(&controller->current_reference, drive);\n"
-# what of TRIAL_PART differs: the current reference takes the drive in place of a period, and has no state
+# Entries for the current reference that replace those of TRIAL_PART: the init function takes the drive in
+# place of a period, and there is no state to reset.
 CURRENT_PART = {
     "part_inits": TRIAL_PART["part_inits"].replace("${period}", "&controller->drive"),
     "part_resets": "",
@@ -322,7 +323,7 @@ ACTUATE_CURRENTS = "cgl_current_reference_actuate(&controller->current_reference
 def parts(subject: Subject) -> dict[str, str]:
     """Texts that fill the templates' placeholders for current reference and compensation of dead time.
 
-    Empty for a part that the drive hasn't.
+    They are empty, except `actuate`, if the drive has neither part.
     """
     currents, dead_time = subject.current_reference_config, subject.dead_time_config
     texts = dict.fromkeys(TRIAL_PART, "")
@@ -345,7 +346,7 @@ def parts(subject: Subject) -> dict[str, str]:
 
 
 def extras(subject: Subject) -> dict[str, str]:
-    """Texts that fill the templates' placeholders for these parts; empty for laws that don't need them."""
+    """Texts that fill the templates' placeholders for calibration run and trials; empty for other laws."""
     texts = dict.fromkeys(
         ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
         "",

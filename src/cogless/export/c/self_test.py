@@ -1,7 +1,6 @@
 """The self-test of an export: recorded inputs and expected outputs as C code.
 
-Unusual inputs for the self-test, above all limits and faults, which an ordinary recording doesn't
-contain.
+The self-test also has unusual inputs, above all limits and faults, which an ordinary recording lacks.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ ANGLE_COUNTS = 1 << 20  # steps of the angle per revolution; a float represents 
 INSIDE_BOUND, OUTSIDE_BOUND = 0.97, 1.03  # factors on a bound
 HUGE_SPEED = 1e6  # rad/s
 LARGEST_INPUT = 3e38
-STRETCH_PERIODS_MOST = 5_000  # periods of a stretch
+STRETCH_PERIODS_MOST = 5_000  # periods of a stretch, or of a time within it
 BETA_SHARE_OF_B = math.sqrt(3) / 2  # share of phase b in a vector on the beta axis
 FNV_START, FNV_PRIME = 2166136261, 16777619
 
@@ -38,15 +37,15 @@ class Stretch:
 
     title: str
     periods: int
-    counts: int  # the angle at its first period
+    counts: int  # angle in the first period
     step: int
-    inputs: tuple[int, ...]  # bit patterns of measurement and reference; that of theta_m is an offset
+    inputs: tuple[int, ...]  # bit patterns of measurement and reference; theta_m is an offset to the angle
     sum: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Inputs:
-    """Measurements and references of a step. `i_abc`: phase currents. NaN: a measurement is missing."""
+    """Measurements and references of a step, in SI units. NaN: a measurement is missing."""
 
     i_abc: tuple[float, float, float]
     omega_m: float
@@ -61,7 +60,8 @@ class _Inputs:
 def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[Stretch]:
     """Stretches of unusual inputs, with checksums of the controller's outputs.
 
-    The engine's controller is run through them from its initial state. `motion`: reference of a trial.
+    The engine's controller runs through all stretches, one after the other, from its initial state.
+    `motion`: reference of a trial, as bytes.
     """
     state = prepared.drive.start()
     if motion is not None:
@@ -111,7 +111,7 @@ def _values(inputs: _Inputs) -> dict[str, Any]:
 
 
 def _limited_input(value: float) -> float:
-    """The value, limited to the largest that a float holds; NaN stays NaN."""
+    """The value, limited to +-LARGEST_INPUT, which a float holds; NaN stays NaN."""
     return math.copysign(LARGEST_INPUT, value) if abs(value) > LARGEST_INPUT else value
 
 
@@ -124,12 +124,12 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
     limit, law, ts = config["foc"]["current_limit"], subject.divider, 1 / subject.rate
     hold, bridge, window = (_periods(monitor[key], ts) for key in ("hold", "bridge", "speed_window"))
     back = min(hold + bridge + window, STRETCH_PERIODS_MOST) + 2 * law + 4
-    turn = min(monitor["omega_max"] * ts / 2 or 0.01, 0.05)  # rad, in a period
+    turn = min(monitor["omega_max"] * ts / 2 or 0.01, 0.05)  # rad per period
     step = max(1, round(turn / math.tau * ANGLE_COUNTS))
     speed = step * math.tau / ANGLE_COUNTS / ts
     whole = (
         min(math.ceil(config["quality"]["span"] / (speed * ts)), STRETCH_PERIODS_MOST) + 2 * law
-    )  # a window of quality
+    )  # periods of a window in which the quality is judged
 
     def currents(length: float) -> tuple[float, float, float]:
         """Phase currents of a vector with this length on the beta axis."""
@@ -175,9 +175,9 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("all is well again", back, 0, step, plain),
     ]
     if monitor["stuck_angle"]:
-        # Two cases: the reference turns by stuck_angle before stuck_time has passed, and after it. Speed and
-        # currents are as far from their references as the monitor allows, so the output is at its limit. A
-        # law that follows an angle pushes one way only, so the reference turns both ways.
+        # Two cases: the reference has turned by stuck_angle before stuck_time has passed, or only after that.
+        # Speed and currents are almost as far from their references as the monitor allows, so the output is
+        # at its limit. A law that follows an angle pushes one way only, so the reference turns both ways.
         time = _periods(monitor["stuck_time"], ts)
         away, pushed = (
             INSIDE_BOUND * (monitor["omega_max"] or HUGE_SPEED),
@@ -327,7 +327,7 @@ def _hex(word: int) -> str:
 
 
 def memory_sum(memory: Reals) -> int:
-    """Checksum of float32 or float64 numbers, the same as the C function of the self-test computes."""
+    """FNV-1a checksum of float32 or float64 numbers, as the C function `memory_sum` computes it."""
     bits = np.ascontiguousarray(memory).view(np.uint32 if memory.dtype == np.float32 else np.uint64)
     return fnv(bits.tolist())
 

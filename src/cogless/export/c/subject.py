@@ -1,7 +1,4 @@
-"""All data from which the files of an export are written.
-
-Names that a controller gets in C.
-"""
+"""All data from which the files of an export are written, and the names of a controller in C."""
 
 from __future__ import annotations
 
@@ -33,11 +30,11 @@ class Subject:
     drive_config: dict[str, Any]  # cgl_drive_config, decoded
     law_config: dict[str, Any]
     dead_time_config: dict[str, Any] | None  # cgl_dead_time_config, decoded; None: not compensated
-    current_reference_config: dict[str, Any] | None  # likewise; None: the law's output is i_q
-    encoder_table_config: dict[str, Any] | None  # likewise, for the example; None: the sensor is believed
+    current_reference_config: dict[str, Any] | None  # decoded; None: the law's output is i_q_ref
+    encoder_table_config: dict[str, Any] | None  # decoded, for the example; None: no correction
     rate: int  # Hz, of the current loop
     memory_length: int  # entries of the law's memory
-    map: tuple[int, int] | None  # channels and cells of what it learns; None: that can't be stored
+    map: tuple[int, int] | None  # channels and cells of the learned map; None: nothing to store
     learning_matrix: NDArray[np.floating[Any]] | None
     figures: list[tuple[str, str]]  # name and value, as `cogless design` shows them
     verdict: str  # what `cogless design` says about learning
@@ -50,12 +47,12 @@ class Subject:
 
     @property
     def output(self) -> str:
-        """C type of what a step gives."""
+        """C type of a step's output."""
         return "cgl_drive_output" if self.has_drive else f"{self.law.state}_output"
 
     @property
     def parts(self) -> list[str]:
-        """Headers of the parts of the control library that the controller consists of."""
+        """Headers of the control library that declare the controller's parts."""
         if not self.has_drive:
             return [self.law.header]
         more = {
@@ -67,13 +64,15 @@ class Subject:
 
     @property
     def defines(self) -> list[str]:
-        """Macros with which every file is compiled: of the precision, of parts that aren't used, and of no
-        names of fields, since a study is checked."""
+        """Macros with which every file is compiled: for double precision, and for parts that are left out.
+
+        COGLESS_NO_TEXTS leaves out the names of the configs' fields, since a study's values are checked.
+        """
         return [*["COGLESS_DOUBLE"] * (self.precision == "d"), "COGLESS_NO_TEXTS", *self.left_out]
 
     @property
     def left_out(self) -> dict[str, set[str]]:
-        """Macros that leave out parts of the control library, each with the files that aren't needed then."""
+        """{macro that leaves out a part of the control library: files that aren't needed then}."""
         parts: dict[str, set[str]] = {}
         if self.has_drive and self.drive_config["unguarded"]:
             parts["COGLESS_NO_GUARD"] = {"guard.c"}
@@ -83,12 +82,12 @@ class Subject:
 
     @property
     def unused(self) -> set[str]:
-        """Files of the control library that these macros leave out."""
+        """Files of the control library that the macros of `left_out` make unnecessary."""
         return set().union(*self.left_out.values())
 
     @property
     def _kind(self) -> str | None:
-        """Kind of the law's memory; None if it has none of the library's memories."""
+        """Kind of the law's memory; None if the law has none of the library's memories."""
         memory = self.law_config.get("memory")
         return memory["kind"] if isinstance(memory, dict) else None
 
@@ -108,7 +107,7 @@ class Subject:
 
     @property
     def foreign(self) -> bool:
-        """Whether the current loop isn't part of the export: then the controller outputs a current."""
+        """Whether the export has no current loop, so that the controller outputs current references."""
         return bool(self.drive_config["foreign"])
 
 

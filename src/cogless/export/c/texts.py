@@ -1,6 +1,6 @@
-"""The files of an export, as texts by name.
+"""Texts of an export's files: the templates, filled with a controller's data.
 
-Texts for README and example: what the user's board must measure, do and store.
+Among them are the texts of README and example on what the user's board must measure, do and store.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def board(subject: Subject) -> dict[str, str]:
 
 
 def _outputs(subject: Subject) -> dict[str, str]:
-    """Texts about what the board gets from the controller: duty cycles, or a current reference."""
+    """Texts about the controller's outputs to the board: duty cycles, or current references."""
     law = "the law" if subject.divider == 1 else f"the law every {subject.divider} calls"
     if subject.foreign:
         return {
@@ -124,7 +124,7 @@ def _speed(subject: Subject) -> str:
 
 
 def _maps(subject: Subject) -> str:
-    """Text on how to store what was learned; empty if it isn't tied to an angle."""
+    """Text on how to store the learned map; empty if the controller has no map to store."""
     if subject.map is None:
         return ""
     trial, (channels, cells) = subject.law.name == "trial", subject.map
@@ -159,7 +159,7 @@ def texts(
 
 
 def law_texts(assets: str, words: Mapping[str, str]) -> dict[str, str]:
-    """Text of each file of the export of a law without a drive. `assets`: how its templates' names begin."""
+    """{name: text} of the files that export a law without a drive. `assets`: prefix of the template names."""
     names = {
         f"{words['stem']}.h": ".h",
         f"{words['stem']}.c": ".c",
@@ -186,7 +186,7 @@ def _asset(name: str) -> str:
 
 
 def study_words(study: AnyStudy, scenario: str, controller: str, command: str) -> dict[str, str]:
-    """What fills the templates' placeholders about the study. `command`: the command line of the export."""
+    """{placeholder: text} about the study, for the templates. `command`: the command line of the export."""
     name, title = identifier(controller), plain_comment(study.title)
     return {
         "name": name,
@@ -205,7 +205,7 @@ def study_words(study: AnyStudy, scenario: str, controller: str, command: str) -
 
 
 def law_words(subject: Subject) -> dict[str, str]:
-    """What fills the placeholders of every law's templates."""
+    """{placeholder: text} for the placeholders that the templates of every law have."""
     s = subject
     double = s.precision == "d"
     own = {"learning_matrix": f"{s.name}_learning_matrix"} if s.learning_matrix is not None else {}
@@ -257,7 +257,7 @@ def _template_words(subject: Subject) -> dict[str, str]:
 
 
 def verdict_comment(verdict: str) -> str:
-    """What `cogless design` says of learning, as lines of the header's comment; empty without learning."""
+    """The verdict of `cogless design` on learning, as lines of a comment in C; empty without a verdict."""
     start, indent = " * learning         ", " *                  "
     comment = textwrap.fill(plain_comment(verdict), 118, initial_indent=start, subsequent_indent=indent)
     return f"{comment}\n" if verdict else ""

@@ -32,11 +32,11 @@ from cogless.study import AnyStudy
 OPTIONS = ("-O2", "-fno-tree-vectorize", "-ffp-contract=off")
 LANGUAGE_COMPILERS = {"C": ("CC", ("cc", "gcc", "clang")), "C++": ("CXX", ("c++", "g++", "clang++"))}
 STANDARDS = {"C": "-std=c99", "C++": "-std=c++20"}
-LONG_AGO = (1980, 1, 1, 0, 0, 0)  # so that equal FMUs are equal files
+LONG_AGO = (1980, 1, 1, 0, 0, 0)  # date of all files in an FMU, so that equal FMUs are equal files
 
 
 def compiler(language: str) -> list[str]:
-    """The command of a compiler for "C" or "C++"; StudyError if there is none."""
+    """The command that starts a compiler for "C" or "C++", as words; StudyError if there is none."""
     variable, names = LANGUAGE_COMPILERS[language]
     chosen = shlex.split(os.environ.get(variable, ""))
     for command in [chosen] if chosen else [[name] for name in names]:
@@ -126,9 +126,9 @@ VERSIONS = (2, 3)
 def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: Path) -> list[Path]:
     """Write CONTROLLER-controller and CONTROLLER-drive, each for FMI 2.0 and 3.0, into `folder`.
 
-    Where a bus is between law and drive, the drive alone: a controller is law and current loop in one.
-    `scenario`: the one that the drive simulates, default the first that has the controller. StudyError: an
-    unknown name, a law without a C form, no compiler.
+    If a bus is between law and drive, only the drive is written, since the FMU of a controller is law and
+    current loop in one. `scenario`: scenario that the drive simulates; default: the first that has the
+    controller. Returns the paths. StudyError: an unknown name, a law without a C form, no compiler.
     """
     where = first_scenario(study, controller, scenario)
     if (law := study.controller[controller]).NO_DRIVE:
@@ -183,7 +183,7 @@ def _fmus(unit: Unit) -> Iterator[tuple[str, dict[str, bytes]]]:
 
 
 def _compiled(texts: Mapping[str, str], place: Path) -> dict[str, Path]:
-    """Write these sources and compile them; by name of the source, the path of its object file."""
+    """Write these sources and compile them; returns {name of the source: path of the object file}."""
     for name, text in texts.items():
         target = place / "sources" / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -194,7 +194,7 @@ def _compiled(texts: Mapping[str, str], place: Path) -> dict[str, Path]:
 
 
 def _contents(version: int, built: _Built) -> dict[str, bytes]:
-    """The files of an FMU, by their path in it."""
+    """The files of an FMU: {path in the FMU: contents}."""
     description = built.description
     contents = {f"sources/{name}": text.encode() for name, text in built.sources.items()}
     contents[binary(version, description.identifier)] = built.library
@@ -209,6 +209,6 @@ def _contents(version: int, built: _Built) -> dict[str, bytes]:
 
 
 def _adapter(version: int) -> dict[str, str]:
-    """Sources of one version of the standard: its functions and its headers."""
+    """Sources for one version of FMI: the C file with its functions, and the standard's headers."""
     name = f"fmi{version}.c"
     return texts((HERE / "fmi").glob(f"fmi{version}*.h")) | {name: asset(name)}

@@ -49,7 +49,7 @@ TRIAL_POINTERS = {
 
 
 def controller_unit(run: Prepared) -> Unit:
-    """The controller of a run as the contents of an FMU, with what it had learned before the run."""
+    """Contents of the controller's FMU, including what the controller had learned before the run."""
     subject = subject_of(run)
     if subject.name.lower().startswith(TAKEN):
         subject = replace(subject, name=f"my_{subject.name}")
@@ -117,7 +117,7 @@ static void controller_relink(CONTROLLER *controller, uint64_t tick)
 
 
 def _taught(run: Prepared, subject: Subject) -> str:
-    """C code that loads into the law's memory what it had learned before the run."""
+    """C function that loads into the law's memory what the law had learned before the run."""
     memory = run.memory
     if not memory.any():
         body = table = ""
@@ -130,7 +130,7 @@ def _taught(run: Prepared, subject: Subject) -> str:
 
 
 def _trials(run: Prepared, subject: Subject) -> str:
-    """C code that begins and ends trials; does nothing without trials."""
+    """C functions that begin and end trials; they do nothing in a run without trials."""
     before = after = motions = ""
     if subject.law.name == "trial":
         motions = _motions(run.description["trials"], subject)
@@ -169,7 +169,7 @@ static const cgl_real *motion_of(uint64_t tick)
 """
 
 
-# Sources of the engine that only Python or a page needs.
+# Sources of the engine that an FMU doesn't need: only Python or a page uses them.
 PYTHON = (
     "bindings.cpp",
     "python_value.hpp",
@@ -184,7 +184,7 @@ PYTHON = (
 
 EXTERNAL_CONTROL = "external_control"
 EXTERNAL_REFERENCE = "external_reference"
-# Constants in drive_model.cpp for value references, with the names of their variables.
+# Constants for value references in drive_model.cpp -> names of the variables.
 REFERENCE_CONSTANTS = {
     "FMU_EXTERNAL_CONTROL": EXTERNAL_CONTROL,
     "FMU_EXTERNAL_REFERENCE": EXTERNAL_REFERENCE,
@@ -201,7 +201,7 @@ REFERENCE_CONSTANTS = {
 
 
 def drive_unit(run: Prepared) -> Unit:
-    """The drive of a run as the contents of an FMU."""
+    """Contents of the FMU of a run's whole drive."""
     signals = run.drive.signals
     variables = _drive_variables(run, signals)
     simulator = control_sources().parents[1] / "simulator"

@@ -40,7 +40,8 @@ class Variable:
     start: float = 0.0
 
 
-# Measurements and references: inputs of the controller's FMU, outputs of the drive's. Constant in C -> name.
+# Constant in C -> name of a measurement or reference, an input of the controller's FMU and an output of the
+# drive's FMU.
 CONTROLLER_INPUTS = {
     "FMU_I_A": "measured.i_a",
     "FMU_I_B": "measured.i_b",
@@ -66,7 +67,7 @@ def real(causality: Causality, name: str, unit: str, description: str, start: fl
 
 
 def signal(name: str, unit: str) -> Variable:
-    """A recorded signal as an output."""
+    """The output variable of a recorded signal."""
     kind: Kind = "integer" if name in INTEGERS else "real"
     description = RECORDED[name].meaning if name in RECORDED else TERM_CAUSALITY
     return Variable(name, kind, "output", description, unit)
@@ -91,7 +92,7 @@ def measurements(causality: Causality, phases: int, bus_voltage: float | None) -
 
 
 def references(causality: Causality) -> list[Variable]:
-    """References that a controller is given once per current-loop period."""
+    """References of one current-loop period."""
     return [
         real(causality, "reference.theta_ref", "rad", "mechanical angle reference; laws of position read it"),
         real(causality, "reference.omega_ref", "rad/s", "mechanical speed reference"),
@@ -222,12 +223,12 @@ class Unit:
 
 
 def asset(name: str) -> str:
-    """Text of a source file that comes with cogless for all FMUs."""
+    """Text of a C or C++ file from the folder assets/fmu of cogless."""
     return (Path(__file__).parents[1] / "assets" / "fmu" / name).read_text(encoding="utf-8")
 
 
 def texts(files: Iterable[Path], under: str = "") -> dict[str, str]:
-    """Texts of these files, by their name in the FMU's folder sources/."""
+    """{name in the FMU's folder sources/: text} of these files. `under`: prefix of the names."""
     return {under + path.name: path.read_text(encoding="utf-8") for path in sorted(files)}
 
 

@@ -120,7 +120,7 @@ def _root(description: Description, version: str, **token: str) -> Element:
 
 
 def _shared(root: Element, description: Description) -> None:
-    """Units, log categories and the default experiment."""
+    """Add units, log categories and the default experiment to `root`."""
     units = SubElement(root, "UnitDefinitions")
     used = {variable.unit for variable in description.variables}
     for name, exponents in UNIT_EXPONENTS.items():

@@ -1,7 +1,7 @@
-"""All control laws that a speed study can use: a model is one of them because its file is in this folder.
+"""All control laws that a speed study can use. A law's model is found because its file is in this folder.
 
-A model is a class with a key `law` of one word. Laws of the control library come in the order of laws.def, a
-user's own behind them. Those of trials are not among them: a study of trials has its own union in `trial`.
+A model is a class with a key `law` of one word. Laws of the control library come in the order of laws.def,
+then a user's own laws. Laws of trials are not included: for these, the module `trial` has its own union.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cogless.study.laws.law import Base
 
 
 def law_name(model: type[Base]) -> str | None:
-    """The word of a model's key `law`; None for a class that only laws are derived from."""
+    """The word of a model's key `law`; None for a base class of laws."""
     field = model.model_fields.get("law")
     return None if field is None else str(get_args(field.annotation)[0])
 

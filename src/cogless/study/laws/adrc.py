@@ -8,7 +8,7 @@ from cogless import units
 from cogless.study.laws.law import AutoTuning, Base, LawLoop, StudyOfLaws
 from cogless.study.table import CurrentToAcceleration, Quantity, RateGain, invalid
 
-OBSERVER_BANDWIDTH_MOST = 2.0  # rad a sample, of a law's observer: FASTEST in adrc.c
+OBSERVER_BANDWIDTH_MOST = 2.0  # rad per sample, largest observer bandwidth: FASTEST in adrc.c
 
 
 class Adrc(Base):
@@ -28,7 +28,7 @@ class Adrc(Base):
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
 
     def check(self, study: StudyOfLaws, name: str) -> None:
-        """Check that the observer isn't faster than the samples that it gets."""
+        """Check that the observer isn't too fast for the law's sampling rate."""
         fastest = OBSERVER_BANDWIDTH_MOST * study.drive.rates.outer_loop
         if self.omega_o > fastest * (1 - 1e-6):
             expected = f"expected less than {fastest:.6g} 1/s, {OBSERVER_BANDWIDTH_MOST:g} a sample"

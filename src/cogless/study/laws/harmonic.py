@@ -15,32 +15,32 @@ from cogless.study.table import CurrentBound, RateGain, invalid
 HARMONIC_ORDERS = whole_number("CGL_HARMONIC_ORDERS")
 HARMONIC_ORDER_MAX = whole_number("CGL_HARMONIC_ORDER_MAX")
 HARMONIC_BANDS = whole_number("CGL_HARMONIC_EDGES") // 2  # a band has two edges
-ORDER_ANGLE_MOST = real_number("CGL_HARMONIC_FASTEST")  # rad that an order turns in a sample
+ORDER_ANGLE_MOST = real_number("CGL_HARMONIC_FASTEST")  # rad, largest angle that an order turns in a sample
 
 
 @dataclass(frozen=True, kw_only=True)
 class Learner:
-    """The numbers of the learning part, as its rule computes them: cogless.design.laws.harmonic."""
+    """The numbers of the learning part, which a rule computes (cogless.design.laws.harmonic)."""
 
     b: float  # rad/s^2/A
     delay: float  # s
-    step: float  # rad, of an angle whose edges are timed; 0: none
-    base: int  # mechanical
-    bends: int  # 1: a sensor's error once a turn is learned, 2: twice, too
-    orders: int
-    # so many of them, the lowest, act up to ORDER_ANGLE_MOST, the others up to 12 samples in a cycle
+    step: float  # rad, step of an angle sensor whose edges are timed; 0: the edges are not timed
+    base: int  # lowest learned order, mechanical
+    bends: int  # 1: the sensor's error once per turn is learned; 2: the error twice per turn, too
+    orders: int  # number of learned orders
+    # number of the lowest orders that act up to ORDER_ANGLE_MOST; others need 12 samples in a cycle or more
     fast: int
-    rate: float  # 1/s, at most: the law shares 1/16 a sample among the orders that act
-    rate_min: float  # 1/s, likewise
-    held: tuple[float, ...] = ()  # rad a sample: bands, from and to, in which no order learns
+    rate: float  # 1/s, rate of learning at its begin; the law shares at most 1/16 per sample among the orders
+    rate_min: float  # 1/s, rate to which learning slows down
+    held: tuple[float, ...] = ()  # rad per sample, begin and end of each band in which no order learns
 
     def learns(self, order: int) -> bool:
-        """Whether an order of a mechanical revolution is among those that it learns."""
+        """Whether the law learns this order of a mechanical revolution."""
         return order % self.base == 0 and order <= self.base * self.orders
 
     @property
     def order_words(self) -> str:
-        """What it learns, as "orders 2, 4 to 256"."""
+        """The learned orders in words, such as "orders 2, 4 to 256"."""
         last = self.base * self.orders
         if self.orders == 1:
             return f"order {last}"

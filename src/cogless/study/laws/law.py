@@ -1,8 +1,8 @@
-"""What all laws share: tuning, the loop around a law, learning, and what a law starts from.
+"""Keys that laws share: tuning, the loop around a law, learning, and the map that a law starts from.
 
-Controllers of a speed study; the key `law` of a table tells which control law it configures.
+A controller of a study is a table whose key `law` names the control law.
 
-What a law that learns over the angle begins with: a map that was learned before, or a table.
+A law that learns over the angle can start from a map that was learned before, or from a table.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Start(Table):
 
     @model_validator(mode="after")
     def _readable(self, info: ValidationInfo) -> Self:
-        # pydantic also calls this of a table that a changed study takes over as it is
+        # pydantic calls this again if a changed study takes over the validated table
         if self.table is not None and info.context and self._over_angle is None:
             self._over_angle = read(info.context["folder"] / self.table, TABLE_COLUMNS, "table")
         return self
@@ -135,7 +135,7 @@ class Tuning(Table):
 
 @dataclass(frozen=True)
 class LawLoop:
-    """The loop that a law runs in: data of the drive that the law's C configuration needs."""
+    """Data of the drive that a law's C configuration needs."""
 
     current_rate: int  # Hz, of the current loop
     divider: int  # current-loop periods per period of the law
@@ -148,7 +148,7 @@ class LawLoop:
         return 1 / self.current_rate * self.divider
 
     def bounded(self, limit: float | None) -> float:
-        """A law's own limit of a current, A: at most what the loop gives; None: all of it."""
+        """A law's own limit of a current, A, but at most the drive's limit; None: the drive's limit."""
         return self.current_limit if limit is None else min(limit, self.current_limit)
 
     def samples(self, time: float) -> int:
@@ -173,7 +173,7 @@ def unit_within(annotations: list[Any]) -> str:
 
 
 class StudyOfLaws(Protocol):
-    """What the checks of a law ask of its study, which is one of speed."""
+    """The parts of a speed study that the checks of a law use."""
 
     @property
     def motor(self) -> AnyMotor: ...
@@ -184,7 +184,7 @@ class StudyOfLaws(Protocol):
     def scenarios_of(self, controller: str) -> list[str]: ...
 
 
-SETTLING_TURNS = 1 / 8  # revolutions in each direction before a commissioning run begins to record
+SETTLING_TURNS = 1 / 8  # revolutions that a commissioning run turns in each direction before it records
 
 
 class Commissioning(Table):
@@ -217,31 +217,31 @@ class Base(Table):
     """True: ratios in tables and report are relative to this controller; one at most. Default: the first."""
 
     if TYPE_CHECKING:
-        law: str  # its name; each law declares it, as its first own key
+        law: str  # name of the law; each law declares this as its first own key
 
-    # keys that the rule auto gives (cogless.design.auto), with what stands there until it does
+    # keys that the rule auto gives (cogless.design.auto), with placeholder values until the rule gives them
     AUTOMATIC: ClassVar[dict[str, Any]] = {}
-    # keys of its learning gains, the larger the faster it learns
+    # keys of the learning gains: the larger a gain, the faster the law learns
     LEARNING_GAINS: ClassVar[tuple[str, ...]] = ()
-    TRIAL_GAIN: ClassVar[str] = ""  # the key of the single gain by which it learns from trials
-    TRIAL_FEEDBACK: ClassVar[str] = ""  # with such a gain, the key of its own feedback gains
-    TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ()  # without such a gain, the keys that its rule gives
+    TRIAL_GAIN: ClassVar[str] = ""  # key of the single gain by which the law learns from trials
+    TRIAL_FEEDBACK: ClassVar[str] = ""  # key of the feedback gains, for a law with such a single gain
+    TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ()  # keys that a rule gives, for a law without a single gain
     BY_MATRIX: ClassVar[bool] = False  # whether it learns from trials by a matrix of all pairs of samples
-    # what it must have to start from a map, which it lacks
+    # text after "expected" in the error for a law that has no map to start from
     NEEDS: ClassVar[str] = "none, since the memory is over time"
-    NO_C_FORM: ClassVar[str] = ""  # why it can't be exported as C; "": it can
-    NO_DRIVE: ClassVar[bool] = False  # whether its C has no drive around it
-    NOT_ON_PAGE: ClassVar[str] = ""  # why a live page can't run it; "": it can
+    NO_C_FORM: ClassVar[str] = ""  # why the law can't be exported as C; "": it can
+    NO_DRIVE: ClassVar[bool] = False  # whether the exported C has no drive around the law
+    NOT_ON_PAGE: ClassVar[str] = ""  # why a live page can't run the law; "": it can
 
-    # whether it is a law of trials, whose study designs all of its numbers
+    # whether this is a law of trials, whose study designs all of the law's numbers
     of_trials: ClassVar[bool] = False
-    # whether it may learn during a run, from the key `learning_start` on
+    # whether the law may learn during a run, from the key `learning_start` on
     learns_while_running: ClassVar[bool] = False
-    # whether what it learns are functions of the angle, which hold at every speed
+    # whether the law learns functions of the angle, which hold at every speed
     learns_functions: ClassVar[bool] = False
-    # whether it has no feedback
+    # whether the law has no feedback
     open_loop: ClassVar[bool] = False
-    # whether it learns all orders of the motor by itself
+    # whether the law learns all orders of the motor by itself
     learns_every_order: ClassVar[bool] = False
 
     @classmethod
@@ -251,41 +251,41 @@ class Base(Table):
         return {**cls.AUTOMATIC, **data} if is_auto else data
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
-        """Its C configuration, member by name.
+        """The members of the law's C configuration by name.
 
-        Gains from a tuning rule and default limits are filled in before. Only laws of the control library
-        have one.
+        The law's gains from a tuning rule and its default limits must be filled in already. Only laws of the
+        control library have a C configuration.
         """
         raise NotImplementedError(self.law)
 
     def check(self, study: StudyOfLaws, name: str) -> None:
-        """Refuse what does not suit the study, in which the law is the controller `name`.
+        """Refuse keys that do not suit the study, in which the law is the controller `name`.
 
-        Also called for each scenario, with its overrides.
+        Also called for the study of each scenario that has overrides.
         """
 
     def check_speeds(self, study: StudyOfLaws, name: str) -> None:
-        """Refuse what suits none of the speeds of all scenarios."""
+        """Refuse keys that suit the speed of none of the scenarios in which the law runs."""
 
     @property
     def rule(self) -> Tuning | None:
-        """Its tuning rule; None if all gains are given."""
+        """The law's tuning rule; None if all gains are given."""
         rule: Tuning | None = getattr(self, "tuning", None)
         return rule
 
     @property
     def is_auto(self) -> bool:
-        """Whether its tuning rule is `auto`."""
+        """Whether the law's tuning rule is `auto`."""
         return self.rule is not None and self.rule.is_auto
 
     @property
     def given_pi(self) -> tuple[float, float] | None:
-        """kp [A*s/rad] and ki [A/rad] of its PI, if its keys give them; None if it has none, or by a rule."""
+        """kp [A*s/rad] and ki [A/rad] of the law's PI, if keys give them; None without a PI or by a rule."""
         return None
 
     @property
     def has_pi(self) -> bool:
-        """Whether its feedback is a PI with the keys `kp` and `ki`."""
+        """Whether the law's feedback is a PI with the keys `kp` and `ki`."""
         return False
 
     @property
@@ -300,63 +300,66 @@ class Base(Table):
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Arguments of that class."""
+        """Keyword arguments of `python_class`."""
         return {}
 
     def own_code(self, folder: Path, drive: Mapping[str, Any]) -> dict[str, Any]:
-        """What the engine must be told of a user's law in `folder`. `drive`: what such a law is told."""
+        """Entries of the engine's description of a user's library; {} for other laws.
+
+        `folder`: of the study. `drive`: numbers of the drive that the library gets.
+        """
         return {}
 
     @property
     def begins_with(self) -> Start | None:
-        """What its map holds at the start of a run; None if nothing."""
+        """The stored map or table with which the law's map starts a run; None: the map starts empty."""
         return None
 
     @property
     def commissioning(self) -> Commissioning | None:
-        """The run before the first one, which fills its table; None if there is none."""
+        """The run that fills the law's table before the first run; None if there is none."""
         return None
 
     @property
     def row(self) -> str:
-        """Its name in laws.def."""
+        """The law's name in laws.def."""
         return self.law
 
     @property
     def c_struct(self) -> str:
-        """C type of its configuration."""
+        """C type of the law's configuration."""
         return C_LAWS[self.row].config
 
     @property
     def unrecorded(self) -> frozenset[str]:
-        """Parts of its output that it does not have with these keys."""
+        """Signals of laws.def that the law does not have with its keys as they are."""
         return frozenset()
 
     @property
     def terms(self) -> frozenset[str]:
-        """Names of the recorded parts of its output."""
+        """Names of the recorded parts of the law's output."""
         if self.row not in C_LAWS:
             return frozenset()
         return frozenset(term.signal for term in C_LAWS[self.row].terms) - self.unrecorded
 
     @property
     def uses_path(self) -> bool:
-        """Whether it follows the angle of the reference, so that this and its error are recorded."""
+        """Whether the law follows the reference's angle, so that this angle and its error are recorded."""
         return self.holds_position
 
     @property
     def needs_slots(self) -> bool:
-        """Whether the motor must tell its slots."""
+        """Whether the law needs the key `slots` of the motor."""
         return False
 
     @property
     def missing_feedback(self) -> str | None:
-        """The key without which it learns with no feedback, so that the guard can't compare; None: none."""
+        """The feedback key that is zero while the law learns, so that the guard can't compare; else None."""
         return None
 
     @property
     def by_order(self) -> bool:
-        """Whether its memory holds amplitudes of orders, and no cells over a period."""
+        """Whether the law's memory holds amplitudes of orders, and no cells over a period."""
         return self.row in C_LAWS and C_LAWS[self.row].by_order
 
     def revolutions(self, pole_pairs: int) -> Fraction | None:
@@ -370,71 +373,70 @@ class Base(Table):
 
     @property
     def rests_below(self) -> float | None:
-        """Speed below which learning pauses, rad/s; None: it has no such key."""
+        """Speed below which learning pauses, rad/s; None: the law has no such key."""
         return None
 
     def functions_learned(self, accelerates: bool) -> int:
-        """How many functions of the angle it learns. `accelerates`: whether the reference does."""
+        """How many functions of the angle the law learns. `accelerates`: whether the reference does."""
         return 1
 
     @property
     def uses_acceleration(self) -> bool:
-        """Whether its learning gain depends on the acceleration."""
+        """Whether the law learns a function that acts with the acceleration."""
         return False
 
     def unit_of(self, key: str) -> str:
-        """SI unit of one of its keys; "" if it has none."""
+        """SI unit of a key of the law; "" if the key has no unit."""
         field = type(self).model_fields[key]
         return unit_within([*field.metadata, *get_args(field.annotation)])
 
     @property
     def idle_keys(self) -> frozenset[str]:
-        """Keys that have no effect with the others as they are."""
+        """Keys that have no effect with the other keys as they are."""
         return frozenset()
 
     @property
     def learns(self) -> bool:
-        """Whether it keeps learning during a run."""
+        """Whether the law learns during a run."""
         return False
 
     @property
     def learns_from_trials(self) -> bool:
-        """Whether it learns from trial to trial."""
+        """Whether the law learns from trial to trial."""
         return False
 
     @property
     def learned(self) -> bool:
-        """Whether a part of its output is learned, in this run or before it."""
+        """Whether a part of the law's output is learned, in this run or before."""
         return self.learns
 
     @property
     def learns_from(self) -> float:
-        """Time from which it may learn, s."""
+        """Time from which the law may learn, s."""
         return 0.0
 
     @property
     def holds_position(self) -> bool:
-        """Whether it controls the position, too."""
+        """Whether the law also controls the position."""
         return False
 
     @property
     def linear(self) -> tuple[float, float] | None:
-        """kp [A*s/rad] and ki [A/rad] of its speed feedback without learning; None if its keys don't fix
-        them."""
+        """kp [A*s/rad] and ki [A/rad] of the speed feedback without learning; None if keys don't fix them."""
         return None
 
     @property
     def by_rotor(self) -> bool:
-        """Whether it learns over the rotor's angle; if not, over the angle of its reference."""
+        """Whether the law learns over the rotor's angle; if not, over the reference's angle."""
         return True
 
     @property
     def unit(self) -> float:
-        """The entry of its memory that results in a current of 1 A."""
+        """The entry of the law's memory that results in a current of 1 A."""
         return 1.0
 
     def ratio(self, pole_pairs: int) -> int:
-        """Factor from the mechanical angle to the angle that it learns over."""
+        """Factor from the mechanical angle to the angle over which the law learns."""
         return 1
 
     @model_validator(mode="after")
@@ -464,7 +466,7 @@ class Feedback(Base):
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
         gains = (self.kp is not None, self.ki is not None)
-        # kp and ki may stand beside the rule auto, too, which then finds the other numbers
+        # kp and ki may also be given with the rule auto, which then finds the other numbers
         allowed = self.tuning is None or self.tuning.is_auto if all(gains) else self.tuning is not None
         if gains not in ((True, True), (False, False)) or not allowed:
             margin = '{ rule = "phase-margin", phase_margin = "60 deg" }'
@@ -478,14 +480,16 @@ class Feedback(Base):
 
 
 MAP_CELLS_MOST = 65_535
-LINE_SAMPLES_MOST = 1 << 24  # a delay line is not longer
-FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
+LINE_SAMPLES_MOST = 1 << 24  # samples of the longest delay line
+FEWEST_SAMPLES = 4  # least samples per learned period; the lead may be at most the period / FEWEST_SAMPLES
 Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
 
 
 def check_cells(cells: int, q_half_width: int, line: bool) -> None:
-    """Check that a memory isn't too large and is longer than its Q filter. `line`: a delay line, else a
-    map."""
+    """Check that a memory isn't too large and is longer than its Q filter.
+
+    `line`: whether the memory is a delay line; if not, it is a map.
+    """
     if not line and cells > MAP_CELLS_MOST:
         raise invalid(f"expected at most {MAP_CELLS_MOST}, since the memory is a map", "cells")
     if 2 * q_half_width + 2 > cells:
@@ -532,7 +536,7 @@ class Memory(Protocol):
     def q_half_width(self) -> int: ...
     @property
     def over_angle(self) -> bool:
-        """Whether it is over the angle; if not, it is a delay line over time."""
+        """Whether the memory is over the angle; if not, it is a delay line over time."""
 
     @property
     def by_order(self) -> bool: ...
@@ -576,7 +580,7 @@ class Learning(LearnsWhileRunning):
 
     @property
     def learns_by_switching(self) -> bool:
-        """Whether a switching term, which no model for small signals has, makes it learn faster."""
+        """Whether the law also learns by a switching term, faster than a small-signal model says."""
         return False
 
     def ratio(self, pole_pairs: int) -> int:
@@ -595,9 +599,10 @@ class Learning(LearnsWhileRunning):
             raise invalid(expected, "controller", name, "lead")
 
     def check_speeds(self, study: StudyOfLaws, name: str) -> None:
-        """Check that it can learn at the top speed of one of its scenarios, at least.
+        """Check that the law can learn at the top speed of at least one of its scenarios.
 
-        There its period must hold enough samples, fit into the memory, and be long compared with the lead.
+        There the learned period must hold enough samples, fit into the memory, and be at least FEWEST_SAMPLES
+        times the lead.
         """
         rate, per_turn = study.drive.rates.outer_loop, self.ratio(study.motor.pole_pairs)
         speeds = [study.scenario[key].top_speed for key in study.scenarios_of(name)]

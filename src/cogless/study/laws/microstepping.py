@@ -1,4 +1,4 @@
-"""Keys of the law "microstepping": a step motor without a sensor, as the driver of a printer turns it."""
+"""Keys of the law "microstepping": it turns a step motor without a sensor, as a printer's driver does."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cogless.study.table import File, Many, Quantity, Table, invalid
 
 CORRECTION_WAVES_MOST = whole_number("CGL_MICROSTEPPING_WAVES")
 MICROSTEPS_MOST = whole_number("CGL_MICROSTEPS_MAX")
-RIPPLE_LEFT_MOST = 0.05  # share of the ripple that a correction may leave because its current is another
+RIPPLE_LEFT_MOST = 0.05  # share of the ripple that a correction may leave if it was found at another current
 CORRECTED_DIRECTIONS: tuple[Literal["forward", "backward"], ...] = ("forward", "backward")
 
 
@@ -38,11 +38,11 @@ Waves = Annotated[Many[Wave], Field(max_length=CORRECTION_WAVES_MOST)]
 
 
 def wrong_current(own: float, other: float) -> str:
-    """A warning that a correction for the current `own` is used at another, A rms; "": that does no harm.
+    """A warning that a correction for the current `own` is used at `other`, both A rms; "": no harm.
 
-    Offsets of the coils and the detent turn the rotor by an angle that goes with one over the current. If
-    they make all of the ripple, it is own / other times what the correction takes out, so that a share of
-    |other / own - 1| is left.
+    Offsets of the coils and the detent turn the rotor by an angle that is proportional to 1 / current. If
+    they make all of the ripple, the ripple at `other` is own / other times the correction, and a share of
+    |other / own - 1| of the ripple is left.
     """
     share = abs(other / own - 1)
     if share <= RIPPLE_LEFT_MOST:
@@ -82,7 +82,10 @@ class AngleCorrection(Table):
         return correction
 
     def _check(self, key: str) -> None:
-        """Refuse a command that would turn back. `key`: of the waves; "": that of their direction."""
+        """Refuse waves with which the command would turn back.
+
+        `key`: names the waves in the error; "": the key of their direction does.
+        """
         for direction in CORRECTED_DIRECTIONS:
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
@@ -160,7 +163,7 @@ class Microstepping(Base):
         }
 
     def check(self, study: StudyOfLaws, name: str) -> None:
-        """Check that motor and drive are what a step motor's driver has."""
+        """Check that motor and drive are like those of a step motor's driver."""
         drive, where = study.drive, ("controller", name, "law")
         rates = drive.rates
         unlike = {

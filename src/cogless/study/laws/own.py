@@ -35,7 +35,7 @@ class OwnLaw(Startable):
 
     @property
     def terms(self) -> frozenset[str]:
-        """The learned part, if it tells it, which only a run shows."""
+        """The learned part. Only a run shows whether the user's law returns this part."""
         return frozenset({"term_learned"} if self.learning else ())
 
     @property
@@ -72,7 +72,7 @@ class PythonLaw(OwnLaw):
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """The params, texts that are a number with a unit as SI numbers."""
+        """The params. A text that is a number with a unit becomes an SI number."""
         return {key: _si(value) for key, value in self.params.items()}
 
 
@@ -116,7 +116,7 @@ class LibraryLaw(OwnLaw):
 
 
 def _si(value: Any) -> Any:
-    """The SI number of a text that is a number with a known unit; anything else as it is."""
+    """The SI number for a text that is a number with a known unit; any other value unchanged."""
     if isinstance(value, list):
         return [_si(item) for item in value]
     unit = units.unit_of(value) if isinstance(value, str) else ""

@@ -90,7 +90,7 @@ class RobustIlc(Learning):
 
     @property
     def learning_gain(self) -> tuple[float, float]:
-        """Gains on e and integral(e): the memory f learns from S = e + c integral(e)."""
+        """Learning gains on e and integral(e), since the memory f learns from S = e + c integral(e)."""
         gain = self.q * self.beta_2 / self.b
         return gain, gain * self.c
 

@@ -51,7 +51,7 @@ class PiAfc(Feedback, LearnsWhileRunning):
 
     @property
     def cells(self) -> int:
-        """Number of map cells per revolution that would resolve its highest order: two per wave."""
+        """Number of map cells per revolution that would resolve the highest order: two per wave."""
         return 2 * self.orders[-1]
 
     @property

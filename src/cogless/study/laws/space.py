@@ -1,5 +1,5 @@
-"""Laws that learn over the angle (Verrelli 2016): for position law (6) and its sampled form, for speed law
-(4)."""
+"""Laws that learn over the angle (Verrelli 2016): law (6) and its sampled form for position, law (4) for
+speed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from cogless.study.table import (
 )
 from cogless.units import TURN
 
-LEARNS_NEVER = 1e18  # s
+LEARNS_NEVER = 1e18  # s, a time of learning that never comes
 ANGLE_MAX = real_number("CGL_ANGLE_MAX")  # rad
 MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 Whole = Annotated[int, Field(ge=1, le=65535)]
@@ -54,7 +54,7 @@ class Period(Table):
 
     @property
     def description(self) -> str:
-        """Its length, as "1/6 of one electrical revolution"."""
+        """The period's length in words, such as "1/6 of one electrical revolution"."""
         share = f"{self.turns}/{self.parts} of " if (self.turns, self.parts) != (1, 1) else ""
         return f"{share}one {self.of} revolution"
 
@@ -80,7 +80,7 @@ class SpaceLearning(LearnsWhileRunning):
     """Entries of the map, at most 65535; for the delay line, the samples of the longest period."""
     q_half_width: Annotated[int, Field(ge=0)] = 5
     """Cells, or samples, on each side of the Q filter's mean; 0 for no filter, as printed."""
-    # learning gains of alpha, beta and h; a rad in their units is of the angle that the law uses
+    # learning gains of alpha, beta and h; rad in their units refers to the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
     r"""Learning gain of $\alpha$."""
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
@@ -131,7 +131,7 @@ class SpaceLearning(LearnsWhileRunning):
 
     @property
     def channels(self) -> int:
-        """Number of learned functions of the angle: 1 is alpha, 2 adds beta, 3 adds h."""
+        """Number of stored functions of the angle: 1 for alpha, 2 for alpha and beta, 3 with h, too."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1
 
     @property
@@ -189,7 +189,7 @@ class SpaceLearning(LearnsWhileRunning):
                 self._check_delay_line(name, key, scenario.speeds[0], rate * turn)
 
     def _check_numbers(self, study: StudyOfLaws, name: str) -> None:
-        """Check that its numbers fit the controller's number type, and that k_pp is below the loop's rate."""
+        """Check that the numbers fit the controller's number type, and k_pp is below the law's rate."""
         # `terms`: the Q filter adds up this many entries
         check_precision(self, study.drive.precision, "controller", name, terms=2 * self.q_half_width + 2)
         rate = study.drive.rates.outer_loop
@@ -233,10 +233,10 @@ class SpaceLearning(LearnsWhileRunning):
 
 
 def _check_angles(name: str, revolutions: Fraction, ratio: int) -> None:
-    """Check that the reference angle stays small enough.
+    """Check that the reference angle stays within the range of the controller.
 
-    The controller counts it up to the smallest angle that is a whole number of revolutions and of learned
-    periods.
+    The controller counts this angle up to the smallest whole number of revolutions that is also a whole
+    number of learned periods.
     """
     longest = int(ANGLE_MAX / (TURN * ratio))
     if revolutions.numerator > longest:

@@ -40,7 +40,7 @@ class QFilter(SignalFilter):
 
 
 class StudyOfTrials(Protocol):
-    """What the checks of a law of trials ask of its study."""
+    """The parts of a study that the checks of a law of trials use."""
 
     @property
     def period(self) -> float: ...
@@ -63,16 +63,16 @@ class TrialLaw(Base):
     the feedback alone."""
 
     of_trials: ClassVar[bool] = True
-    # settings of its design by keys of another name
+    # design settings that the law has under another name: setting -> key of the law
     DESIGN_KEYS: ClassVar[dict[str, str]] = {"static_gain": "N"}
 
     @property
     def design_settings(self) -> dict[str, Any]:
-        """Settings of its design that are no keys of the same name."""
+        """Settings of the law's design that aren't given by a key of the same name."""
         return {}
 
     def check_trials(self, study: StudyOfTrials, name: str) -> None:
-        """Refuse what does not suit the study, in which the law is the controller `name`."""
+        """Refuse keys that do not suit the study, in which the law is the controller `name`."""
 
     @property
     def row(self) -> str:
@@ -99,7 +99,7 @@ class FilteredLaw(TrialLaw):
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
-        """Filter and shift, "auto" where the design chooses; None: no filter, and the relative degree."""
+        """Filter and shift; "auto": the design chooses; None: no filter, and the relative degree as shift."""
         return None if self.q_filter == "none" else self.q_filter, self.shift
 
     @property
@@ -140,9 +140,9 @@ class TrialIlc(FilteredLaw):
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
-        """As of FilteredLaw, but both are "auto" if nothing is said of the update.
+        """Filter and shift as of FilteredLaw, but "auto" without a given `q_filter`, `shift` and `K_3`.
 
-        With one of them "auto" the other is, too, unless it is said.
+        If one of them is "auto", the other is also "auto" unless it is given.
         """
         q_filter, shift = super().choice
         silent = self.q_filter is None and shift is None and self.K_3 is None
@@ -177,7 +177,7 @@ class StateIlc(FilteredLaw):
 
     @property
     def design_settings(self) -> dict[str, Any]:
-        # the prediction of this law leaves out that what was learned moves along
+        # the prediction for this law takes no account of `basis_functions`
         parts = {"structure": "input", "integral": False, "feedforward": False, "basis_functions": False}
         return {"kind": "state", **parts, "K_s": self.K_stab, "K_3": self.K_ilc, **super().design_settings}
 
@@ -268,7 +268,7 @@ def _check_cutoff(study: StudyOfTrials, cutoff: float, *path: str) -> None:
 
 
 def _check_state_gains(study: StudyOfTrials, law: TrialIlc | NormOptimalIlc, name: str) -> None:
-    """Refuse gains, or a state weight in their place, that are not one a state, and one of an integrator."""
+    """Refuse a number of gains, or else of state weights, that doesn't suit states and integrator."""
     n = study.states
     whole = f"expected {n + 1} numbers: one a state, and the integrator's"
     if law.K_s is not None and len(law.K_s) not in ((n + 1,) if law.integral else (n, n + 1)):
@@ -281,7 +281,7 @@ AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | Python
 TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
 
 
-# Parameters of a drive for which a design may have a range.
+# Parameters of a drive for which `design.range` may give a range.
 UNCERTAIN = {
     "mechanics.inertia": Quantity(units.INERTIA, ">"),
     "mechanics.viscous_friction": Quantity(units.VISCOUS_FRICTION, ">="),
