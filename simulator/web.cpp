@@ -107,7 +107,7 @@ CGL_WEB(row_numbers) std::size_t cogless_row_numbers() { return rows.size(); }
 
 CGL_WEB(signals) const char* cogless_signals() { return names.c_str(); }
 
-// Entries of the learned map, channel by channel; null where nothing is learned.
+// Entries of the learned map, channel by channel; null if the law learns nothing.
 CGL_WEB(stored) const double* cogless_stored() {
     kept = std::visit([](const auto& run) { return stored_in(run); }, engine->run);
     return kept ? kept->entries.data() : nullptr;

@@ -467,7 +467,7 @@ def _pays_off(design: Answer) -> bool:
 
 
 def _why_not(study: Study) -> str:
-    """The design's warnings about the first scenario, then those about `harmonic`, a sentence each."""
+    """Warnings that the first reference is beyond the drive, then those on the controller `harmonic`."""
     from cogless.design.warnings import beyond_drive, warnings
 
     scenario = next(iter(study.scenario))

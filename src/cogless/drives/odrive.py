@@ -38,7 +38,7 @@ from cogless.results.trace import Array
 CONFIG_HINT = "the JSON of odrivetool backup-config"
 MAP_CELLS = 3600
 COUNTS_A_LINE = 4
-CONTROL_RATE = 8000.0  # Hz, rate of control cycles, which high-rate captures may count
+CONTROL_RATE = 8000.0  # Hz, of control cycles; the times of a high-rate capture may be counts of them
 NANOSECONDS_LEAST = 1000.0  # ns between rows, at least; captures that count cycles have smaller steps
 PATH_PATTERN = re.compile(r"(?:odrv\w*\.)?(?:axis(?P<axis>\d)\.)?(?P<rest>.+)")
 TIME_HEADINGS = ("t", "time", "timestamp", "timestamps")

@@ -150,7 +150,7 @@ def _sums(folder: Path) -> dict[str, str] | None:
 
 
 def _is_compiled(path: Path, sums: Mapping[str, str]) -> bool:
-    """Whether a compiler made the file from one of the export's sources, so that it may be replaced."""
+    """Whether a file has the name that a compiler gives to its output from one of the export's sources."""
     return path.suffix in COMPILED and any(
         source.suffix == ".c" and source.stem == path.stem for source in map(Path, sums)
     )

@@ -255,7 +255,10 @@ class Equations:
 
     @cached_property
     def _stacked(self) -> tuple[Array, Array]:
-        """Matrices and vectors of all blocks, less the angle's noise; the delay's row has its instrument."""
+        """Matrices of all blocks, less the angle's noise, and vectors.
+
+        The delay's row has the products with the delay's instrument.
+        """
         matrices = np.array([block.matrix - np.diag(block.noise) for block in self.blocks])
         vectors = np.array([block.vector for block in self.blocks])
         if ("delay",) in self.names:

@@ -101,9 +101,9 @@ def with_limits(
 ) -> AnyResults:
     """The results with what limits the best run of each scenario; in a study of trials nothing is added.
 
-    A scenario takes about a dozen further runs, or none if it has faults. `long`: run them also where a run
-    is long or executes a user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called
-    with each scenario. Ctrl-C ends the search early.
+    A scenario takes about a dozen further runs, or none if it has faults. `long`: make these also where a
+    run is long or executes a user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`:
+    called with each scenario. Ctrl-C ends the search early.
     """
     search = _sections(results).with_limits
     return results if search is None else search(results, long, jobs, traces, progress)

@@ -96,10 +96,10 @@ class Conditions:
 
 @dataclass(frozen=True)
 class PhasePrediction:
-    """Of each plant: RMS over each trial with learning, and without; and the largest input of both.
+    """Of each plant: RMS of the error in each trial, and the largest input, each with learning and without.
 
-    The inputs are without the random part. The steps of a position sensor leave a further RMS, which is a
-    spread and no certainty.
+    The inputs are without the random part. The RMS that a position sensor's steps leave is kept apart, since
+    it is only an estimate of their size.
     """
 
     learned: Real  # (plants, trials)

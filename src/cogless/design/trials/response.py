@@ -292,7 +292,7 @@ VECTOR_ROUNDING = 1e-12  # share of the largest value; a next vector below it is
 class TrialMap:
     """One trial of several plants at once: rows are plants, columns samples."""
 
-    loops: Sequence[Loop]  # from v to what is learned from, all of one order
+    loops: Sequence[Loop]  # each from v to the signal that the law learns from; all have the same order
     K_3: float
     shift: int
     q_filter: Filter | None
