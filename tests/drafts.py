@@ -1,6 +1,9 @@
 """Studies as `cogless new` writes them, from names and numbers."""
 
+import sys
 from pathlib import Path
+
+import pytest
 
 from cogless.starter import Draft, Request, draft, parse_number
 from cogless.study import Study, load
@@ -13,6 +16,11 @@ def request(motor: str, drive: str, encoder: str, **numbers: object) -> Request:
     if motor == "own":
         given = {**OWN, **given}
     return Request(motor, drive, encoder, {flag: parse_number(flag, text) for flag, text in given.items()})
+
+
+def drafted_by_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drafts have the settings of the rules, not better ones by runs."""
+    monkeypatch.setattr(sys.modules[draft.__module__], "better_settings", lambda *_: {})
 
 
 def written(folder: Path, of: Request) -> tuple[Draft, Study]:

@@ -22,6 +22,7 @@ from cogless.design.warnings import slow_warning, warnings
 from cogless.report import seen_to_stop
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed, load
+from cogless.study.reading import Stop
 
 CREEP = 1e-2  # rad/s, below which the friction of the own motor is not yet that of sliding
 FOLDER = Path(__file__).parents[2] / "examples"
@@ -223,7 +224,7 @@ def test_no_speed_is_promised_where_only_the_back_emf_of_a_turning_rotor_damps(t
 def test_after_a_run_it_is_said_whether_the_rotor_stopped(tmp_path: Path, rpm: float, stops: bool) -> None:
     """The warning is that of 30 r/min. In place of what may happen stands what the run shows."""
     remark = slow_warning(draft_of_a_light_motor(tmp_path, "simplefoc", 30), "pi")
-    assert remark is not None and remark.stops_in == "slow"
+    assert remark is not None and remark.stop == Stop("slow", "the rotor may stop and snap")
     study = draft_of_a_light_motor(tmp_path, "simplefoc", rpm)
     results = run_study(study, ["slow/pi"])
     (run,) = results.runs

@@ -6,7 +6,6 @@ import io
 import json
 import math
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +32,7 @@ from cogless.study.position_sensor import Absolute
 
 @pytest.fixture(autouse=True)
 def by_rules(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The drafts have the observers of the rules, not better ones by runs."""
-    monkeypatch.setattr(sys.modules["cogless.starter.draft"], "better_settings", lambda *_: {})
+    drafts.drafted_by_rules(monkeypatch)
 
 
 AS_MUCH = 0.95  # ripple with learning / without, from which on it is as much

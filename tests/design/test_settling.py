@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +111,7 @@ def test_a_draft_settles_in_that_time_or_later_by_what_the_model_lacks(
 
     The drafts are those of the rules, which leave the dead time to the drive.
     """
-    monkeypatch.setattr(sys.modules["cogless.starter.draft"], "better_settings", lambda *_: {})
+    drafts.drafted_by_rules(monkeypatch)
     _, draft = drafts.written(tmp_path, drafts.request(motor, drive, encoder))
     (scenario,) = draft.scenario
     speed = draft.scenario[scenario].slowest * 30 / math.pi

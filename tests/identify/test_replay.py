@@ -262,7 +262,8 @@ def test_a_simulation_s_truth_is_what_it_is_made_of():
     )  # fmt: skip
     large = {"c": 0.2 * np.sin(0.3), "s": 0.2 * np.cos(0.3)}
     small = {"c": 0.01 * np.sin(-1.0), "s": 0.01 * np.cos(-1.0)}
-    expected = {("j",): 1e-3, ("b",): 0.0, ("c",): 0.1, ("delay",): 0.0, ("offset",): 0.0, ("load", "x"): 0.5}
+    expected = {("j",): 1e-3, ("b",): 0.0, ("c",): 0.1, ("delay",): 0.0, ("offset",): 0.0, ("load", "x"): 0.5,
+                ("stribeck",): 0.0}  # fmt: skip
     sizes = {
         ("cogging", 6): {"c": 0.0, "s": 0.0},
         ("cogging", 24): large,
@@ -272,6 +273,16 @@ def test_a_simulation_s_truth_is_what_it_is_made_of():
     }
     expected |= {(*name, part): value for name, of in sizes.items() for part, value in of.items()}
     assert replay._truth(made) == expected
+    more = {"stribeck": Value(0.05, 0.0), "offset": Value(-0.02, 0.01)}
+    whole = replace(
+        made, values=made.values | more, friction=(two,), of_unknown_cause=(replace(two, order=6),)
+    )
+    parts = {
+        (kind, order, part): x
+        for kind, order in (("friction", 1), ("cogging", 6))
+        for part, x in small.items()
+    }
+    assert replay._truth(whole) == expected | parts | {("stribeck",): 0.05, ("offset",): -0.02}
     made.identification.drive = Drive.model_validate({**drive_tables(), "position_sensor": {"kind": "ideal"}})
     assert replay._truth(made) == expected | {("encoder", 1, part): 0.0 for part in "cs"}
 

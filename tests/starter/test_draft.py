@@ -3,7 +3,6 @@
 import math
 import random
 import re
-import sys
 import tomllib
 from collections import Counter
 from contextlib import suppress
@@ -13,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drafts import OWN, request, written
+from drafts import OWN, drafted_by_rules, request, written
 
 from cogless.design.laws.harmonic import certificate, rival_bases
 from cogless.design.settling import settling
@@ -44,7 +43,7 @@ def drives_for(motor: str) -> list[str]:
 def test_a_study_of_each_motor_encoder_and_drive_runs_and_marks_its_guesses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, motor: str
 ) -> None:
-    monkeypatch.setattr(sys.modules["cogless.starter.draft"], "better_settings", lambda *_: {})
+    drafted_by_rules(monkeypatch)
     drives = cycle(drives_for(motor))
     for encoder in parts("encoders"):
         made, study = written(tmp_path, request(motor, next(drives), encoder))

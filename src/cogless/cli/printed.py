@@ -201,7 +201,7 @@ def print_warnings_beside(results: AnyResults) -> None:
         return
     runs = {(run.scenario, run.controller): run for run in results.runs}
     for name, remark in _warnings(results.study, runs):
-        run = runs.get((remark.stops_in, name))
+        run = runs.get((remark.stop.scenario, name)) if remark.stop is not None else None
         warn(str(remark) if run is None else report.seen_to_stop(results, run, remark))
 
 

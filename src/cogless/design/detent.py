@@ -34,7 +34,6 @@ from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 
-ROTOR = "the rotor"  # begins the last part of the text of `snaps`, after a colon
 STOPPING_RIPPLE = 1.0  # ripple / speed, at which the rotor stops
 STALLING_RATIO = (
     0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
@@ -60,6 +59,11 @@ class Swing:
     def stops(self) -> bool:
         """Whether the ripple is large enough to stop the rotor. The small-signal model then fails."""
         return self.size >= STOPPING_RIPPLE
+
+    @property
+    def surely_stops(self) -> bool:
+        """Whether it stops the rotor with and without the back-EMF."""
+        return self.least >= STOPPING_RIPPLE
 
 
 def swing(
@@ -94,15 +98,20 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
 
     `crossover`: the feedback's crossover, rad/s.
     """
-    sizes, stops = f"{swinging.size:.2g}", "stops and snaps"
-    if swinging.least < STOPPING_RIPPLE:  # the back-EMF decides
-        sizes, stops = f"{swinging.least:.2g} to {sizes}", "may stop and snap"
+    sizes = f"{swinging.size:.2g}"
+    if not swinging.surely_stops:
+        sizes = f"{swinging.least:.2g} to {sizes}"
     around = f" (crossover {crossover / math.tau:.3g} Hz)" if math.isfinite(crossover) else ""
     return (
         f"at {speed_text(study, omega_m)} the feedback leaves {sizes} times the speed as ripple, most of it "
         f"by order {swinging.order}, whose detents swing the rotor at {swinging.rate / math.tau:.3g} Hz"
-        f"{around}: {ROTOR} {stops}"
+        f"{around}: {stop_claim(swinging)}"
     )
+
+
+def stop_claim(swinging: Swing) -> str:
+    """The end of what `snaps` says: how sure it is that the rotor stops."""
+    return f"the rotor {'stops and snaps' if swinging.surely_stops else 'may stop and snap'}"
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:

@@ -21,7 +21,7 @@ from cogless.design.back_emf import back_emf_warning
 from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.current_needed import noisy_currents, noisy_voltage, starts_after, too_much_current
-from cogless.design.detent import Swing, snaps, swing, turns_from
+from cogless.design.detent import Swing, snaps, stop_claim, swing, turns_from
 from cogless.design.gentler import (
     finer_sensor,
     slower_feedback,
@@ -43,7 +43,7 @@ from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Counted
-from cogless.study.reading import Changes, Remark
+from cogless.study.reading import Changes, Remark, Stop
 from cogless.units import RPM, TURN
 
 SLOW_TIME_SHARE = (
@@ -86,11 +86,11 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     begins = turns_from(study, scenario, feedback, omega)
     turning = swing(study, scenario, feedback, begins) if begins is not None else None
     if begins is None or turning is None or not turning.is_certain:
-        return Remark(sentence, stops_in=scenario)
-    turns = f"{sentence}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
+        return Remark(sentence, stop=Stop(scenario, stop_claim(swinging)))
+    turns = f"; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
     cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
     cures = (cure,) if study.scenario[scenario].reference.kind == "constant" else ()
-    return Remark(turns, cures, stops_in=scenario)
+    return Remark(sentence + turns, cures, Stop(scenario, stop_claim(swinging), turns))
 
 
 def turning_speed(study: Study, name: str, scenario: str) -> float | None:

@@ -36,14 +36,7 @@ def motor(estimate: Estimate) -> dict[str, Any]:
     described_keys = {key: value for key, value in described.items() if key != "datasheet"}
     psi_f, poles = star.psi_f / star.flux_factor, estimate.identification.motor.pole_pairs
     identified_waves: dict[str, Any] = {
-        "cogging": [
-            {
-                "order": wave.order,
-                "torque": f"{1e3 * estimate.K_t * wave.size.value:.5g} mN*m",
-                "phase": f"{np.degrees(wave.phase.value):.5g} deg",
-            }
-            for wave in (*estimate.cogging, *estimate.of_unknown_cause)
-        ],
+        "cogging": _torques(estimate, (*estimate.cogging, *estimate.of_unknown_cause)),
         "flux_harmonics": [
             {
                 "order": wave.order // poles,
@@ -66,22 +59,43 @@ def mechanics(estimate: Estimate) -> dict[str, Any]:
         torque = estimate.values.get(key, Value(0.0, 0.0)).times(estimate.K_t).value
         if torque > 0:
             table[name] = f"{torque:.6g} {unit}"
-    coulomb, more = (estimate.values.get(key, Value(0.0, 0.0)).value for key in ("c", "stribeck"))
-    if coulomb > 0 < more:
-        table["breakaway_friction"] = f"{estimate.K_t * (coulomb + more):.6g} N*m"
+    if more_at_rest(estimate):
+        breakaway = _coulomb(estimate) + more_at_rest(estimate)
+        table["breakaway_friction"] = f"{estimate.K_t * breakaway:.6g} N*m"
         table["stribeck_speed"] = f"{estimate.values['stribeck_speed'].value:.5g} rad/s"
-    if estimate.friction and sum(wave.size.value for wave in estimate.friction) < coulomb:
-        table["friction_harmonics"] = [
-            {
-                "order": wave.order,
-                "torque": f"{estimate.K_t * wave.size.value:.5g} N*m",
-                "phase": f"{np.degrees(wave.phase.value):.5g} deg",
-            }
-            for wave in estimate.friction
-        ]
+    if rubbing(estimate):
+        table["friction_harmonics"] = _torques(estimate, rubbing(estimate))
     if load_or_offset(estimate):
         table["load"] = f"{estimate.K_t * load_or_offset(estimate):.6g} N*m"
     return table
+
+
+def _torques(estimate: Estimate, waves: Sequence[Wave]) -> list[dict[str, Any]]:
+    """The tables of waves that are torques."""
+    return [
+        {
+            "order": wave.order,
+            "torque": f"{1e3 * estimate.K_t * wave.size.value:.5g} mN*m",
+            "phase": f"{np.degrees(wave.phase.value):.5g} deg",
+        }
+        for wave in waves
+    ]
+
+
+def _coulomb(estimate: Estimate) -> float:
+    return max(0.0, estimate.values.get("c", Value(0.0, 0.0)).value)
+
+
+def more_at_rest(estimate: Estimate) -> float:
+    """By how much friction is larger at rest than Coulomb's, A; 0 if the study has no Coulomb friction."""
+    more = estimate.values.get("stribeck", Value(0.0, 0.0)).value
+    return max(0.0, more) if _coulomb(estimate) else 0.0
+
+
+def rubbing(estimate: Estimate) -> tuple[Wave, ...]:
+    """The identified waves of the friction, or none if they could drive the rotor."""
+    sizes = sum(wave.size.value for wave in estimate.friction)
+    return estimate.friction if sizes < _coulomb(estimate) else ()
 
 
 def load_or_offset(estimate: Estimate) -> float:

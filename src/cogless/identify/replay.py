@@ -231,9 +231,7 @@ def _truth(estimate: Estimate) -> dict[Name, float]:
     truth: dict[Name, float] = {(key,): 0.0 for key in ("b", "c", "delay", "offset")}
     truth |= {(key,): estimate.values[key].value for key in ("j", "b", "c") if key in estimate.values}
     truth["offset",] = described.load_or_offset(estimate)
-    described_mechanics = described.mechanics(estimate)
-    if "stribeck_speed" in described_mechanics:
-        truth["stribeck",] = estimate.values["stribeck"].value
+    truth["stribeck",] = described.more_at_rest(estimate)
     truth |= {("load", name): value.value for name, value in estimate.loads.items()}
     searched = (
         ("cogging", estimate.model.cogging),
@@ -247,7 +245,7 @@ def _truth(estimate: Estimate) -> dict[Name, float]:
     simulated_waves = (
         ("cogging", (*estimate.cogging, *estimate.of_unknown_cause)),
         ("ripple", estimate.ripple),
-        ("friction", estimate.friction if "friction_harmonics" in described_mechanics else ()),
+        ("friction", described.rubbing(estimate)),
         ("encoder", sensed),
     )
     for kind, waves in simulated_waves:

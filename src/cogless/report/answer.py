@@ -190,7 +190,7 @@ def _ripple(results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnS
     trace = runs[0].trace
     of_turn = _rows_of_turn(trace)
     whole = of_turn or len(trace) // 20
-    size = max(1, min(whole // TURN_PIECES, whole), -(-len(trace) // RIPPLE_POINTS))
+    size = max(1, whole // TURN_PIECES, -(-len(trace) // RIPPLE_POINTS))
     count = max(1, round(whole / size))
     about_mean = pair.line.kind != "rms"
     curves = [_moving_rms(run.trace, drawn, size, count, about_mean) for run in runs]

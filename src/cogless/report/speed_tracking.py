@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
-from cogless.design.detent import ROTOR
 from cogless.report.charts import Lane, LaneRun
 from cogless.report.markup import number, place
 from cogless.report.verdicts import listed
@@ -150,17 +149,16 @@ def miss_words(speed: Miss, run: Run, rows: slice, unit: str) -> str:
 def seen_to_stop(results: AnyResults, run: Run, remark: Remark) -> str:
     """A warning that the rotor stops, corrected by whether it did stop in the last part of the run."""
     assert isinstance(results, Results)
-    rows = late(results, run)
-    premise, claims, claim = remark.text.partition(f": {ROTOR} ")
-    if not claims or not len(run.trace.time[rows]):
+    rows, stop = late(results, run), remark.stop
+    if stop is None or not len(run.trace.time[rows]):
         return remark.text
     reference, speed = (run.trace.part(name, rows) for name in ("omega_ref", "omega_m"))
     slowest, unit = float(np.min(speed * np.sign(reference))), spoken_unit(results.study, ANGULAR_SPEED)
     if not slowest > STOPPED_SHARE * float(np.mean(np.abs(reference))):
-        _, turns, speed_from = claim.partition("; ")
-        return f"{premise}: in {run.scenario} {ROTOR} stopped{turns}{speed_from}"
+        return remark.text.replace(stop.claim, f"in {run.scenario} the rotor stopped")
     least = f"{number(slowest / factor(unit, ANGULAR_SPEED))} {unit}"
-    return f"{premise}: in {run.scenario} {ROTOR} did not stop, its slowest speed was {least}"
+    evenly = f"in {run.scenario} the rotor did not stop, its slowest speed was {least}"
+    return remark.text.replace(f"{stop.claim}{stop.remedy}", evenly)
 
 
 def _monitored(run: Run, rows: slice) -> str:

@@ -542,15 +542,21 @@ def is_arena(tables: dict[str, Any]) -> bool:
 
 
 @dataclass(frozen=True)
-class Remark:
-    """One line on a study, which begins with the key that the line is about.
+class Stop:
+    """What a remark's text says of a rotor that stops: `claim`, and at the end `remedy`, which may be ""."""
 
-    `stops_in`: scenario in which the rotor stops, for a remark that says so; else "".
-    """
+    scenario: str
+    claim: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One line on a study, which begins with the key that the line is about."""
 
     text: str
     cures: tuple[Changes, ...] = ()  # advised changes: values by dotted key; each change helps by itself
-    stops_in: str = ""
+    stop: Stop | None = None  # for a remark that a rotor stops
 
     def __str__(self) -> str:
         return self.text
