@@ -7,7 +7,7 @@ the state and the input of the sample before, and a shift register brings it to 
 
     z_1(p+1) = c [A(phi) x(p) + B(phi) u(p)],  z_2(p+1) = z_1(p), ..     phi = j T - delay in [0, T)
 
-docs/theory/trial-design.md#the-sensor has the equations. The steps of the sensor are in quantisation.py.
+docs/theory/trial-design.md#the-sensor says which results include this delay. quantisation.py has the steps.
 """
 
 from __future__ import annotations
