@@ -45,11 +45,8 @@ def test_the_example_learns_as_the_guide_says(axis: Path) -> None:
     assert isinstance(found, list) and found[1:] == [float("inf")] * 2
 
 
-def test_the_drive_learns_as_the_guide_says(tmp_path: Path) -> None:
-    block = re.search(r'```toml\n(title = "A drive.*?)```', GUIDE, re.DOTALL)
-    assert block is not None
-    (tmp_path / "drive.toml").write_text(block[1], encoding="utf-8")
-    study = load(tmp_path / "drive.toml")
+def test_the_drive_learns_as_the_guide_says() -> None:
+    study = load(Path(__file__).parents[2] / "examples" / "repeated_motion.toml")
     feedback, ilc = run_study(study).runs
     trials = re.search(r"below 1 mrad within (\d+), (\d+) and (\d+) trials", PROSE)
     share = re.search(r"may leave ([\d.]+) times the feedback's error", PROSE)
