@@ -1,13 +1,13 @@
 """Whether a certified controller ends with a larger error than its own feedback: random axes in trials.
 
-    python benchmarks/trials.py [--cases 200] [--seed 1] [--write | --floors]
+    python benchmarks/trials.py [--cases 200] [--seed 1] [--floors]
 
 Each case is an axis drawn at random: inertia within 30 %, torque constant within 5 %, rates, a sensor of 10
 to 20 bits, up to a sample of latency, the same start offset in each trial, a current limit that may be too
 low for the motion, and from one trial on a payload and a load step. Each law is compared with the same
 controller with learning = false. A phase is worse if the RMS of the true error over its second half is above
-1.05 times the feedback's, or if the errors of more than five trials in a row are. --write puts the table into
-docs/laws/trial.md.
+1.05 times the feedback's, or if the errors of more than five trials in a row are.
+docs/laws/trial.md has the result.
 
 --floors instead compares how many trials the error takes to its floor, predicted and in the run, for
 certified controllers: in how many phases these differ by at most 30 % or a trial. A trial in which the law's
@@ -17,7 +17,6 @@ guard runs the feedback alone, to compare, doesn't count.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,11 +33,6 @@ from cogless.results import Run
 from cogless.study import TrialStudy, load
 from cogless.study.position_sensor import Resolver
 
-HERE = Path(__file__).parent
-sys.path.append(str(HERE.parent / "docs"))
-import marked  # noqa: E402
-
-PAGE = HERE.parent / "docs" / "laws" / "trial.md"
 WORSE = 1.05  # times the feedback's error
 TRIALS_WORSE = 5  # trials in a row that may be worse
 CHANGE, TRIALS = 41, 80  # trial of the change; number of trials
@@ -214,7 +208,6 @@ def main() -> None:
     )
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true")
     parser.add_argument("--each", action="store_true", help="a line for each case that is worse")
     parser.add_argument(
         "--floors", action="store_true", help="compare predicted trials to the floor with runs"
@@ -251,15 +244,11 @@ def main() -> None:
         "others above for long",
         "not designed",
     )
-    lines = [f"| law | {' | '.join(columns)} | worst of the certified |", "|---" * (len(columns) + 2) + "|"]
-    lines += [
-        f"| {name} | {' | '.join(str(counts[name][column]) for column in columns)} | {worst[name]:.3g} |"
-        for name in LAWS
-    ]
-    print("\n".join(lines))
-    if options.write:
-        text = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(marked.replaced(text, {"trials": lines}), encoding="utf-8")
+    print(f"| law | {' | '.join(columns)} | worst of the certified |")
+    print("|---" * (len(columns) + 2) + "|")
+    for name in LAWS:
+        cells = " | ".join(str(counts[name][column]) for column in columns)
+        print(f"| {name} | {cells} | {worst[name]:.3g} |")
 
 
 if __name__ == "__main__":

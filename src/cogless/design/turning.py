@@ -1,7 +1,6 @@
 """The current loop, and the torque that it gives, while the motor turns.
 
-docs/laws/current-loop.md derives it. In the rotor's frame, which turns at the electrical speed w, the winding
-has J = [[0, -1], [1, 0]]
+In the rotor's frame, which turns at the electrical speed w, the winding has J = [[0, -1], [1, 0]]
 
     L di/dt = -R i - w J L i + u,    L = diag(L_d, L_q)
 

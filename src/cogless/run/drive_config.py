@@ -5,8 +5,10 @@ The controller's configuration in it is the C struct of the control library, as 
 The drive's monitor checks measurements against bounds. A bound that the study leaves out gets a default.
 
 The defaults depend only on the parameters that the controller assumes and on the sensors' data, never on
-scenarios: firmware must set them before it knows which motions will be asked for. docs/laws/monitor.md gives
-the reasons.
+scenarios: firmware must set them before it knows which motions will be asked for. A load may drive the motor
+above its no-load speed (omega_max). A measured step can be too large by one count (angle_step). No working
+current loop overshoots by 100 % (current_max). One or two disturbed messages of the sensor take less than
+`bridge`, and the current decays in less than `hold`.
 """
 
 from __future__ import annotations
