@@ -25,6 +25,9 @@ from cogless.results.limits import AND, CAUSES
 from cogless.run.suspects import LONGER_FACTOR
 from cogless.study.toml import toml
 
+ON_PAGE = {name: column for name, column in SCORE_COLUMNS.items() if name not in ("orders", "copper_loss")}
+FEEDBACK_ALONE = ("pi-60", "adrc", "robust-off", "position-off")  # laws that learn nothing: not in `ripple`
+NAMED = 2  # causes in `limits`
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
 
 
@@ -52,16 +55,16 @@ def _rows(page: str, block: str) -> dict[str, dict[str, str]]:
 
 def main_table(scores: Scores) -> list[str]:
     known, rows = costs(), []
-    best = {column: scores.winners(column) for column in SCORE_COLUMNS}
+    best = {column: scores.winners(column) for column in ON_PAGE}
     for law in scores.laws:
         cells = [
             scores.unscored(column, law) if score is None else _cell(score, law in best[column])
-            for column in SCORE_COLUMNS
+            for column in ON_PAGE
             for score in [scores.score(column, law)]
         ]
         spent = known.get(scores.content["laws"][law]["law"], ("-", "-"))
         rows.append([scores.label(law), *cells, *spent, str(scores.met(law))])
-    head = ["law", *(c.title for c in SCORE_COLUMNS.values()), "instructions", "RAM", "plants"]
+    head = ["law", *(c.title for c in ON_PAGE.values()), "instructions", "RAM", "plants"]
     return table(head, rows)
 
 
@@ -91,11 +94,12 @@ def plant_list(scores: Scores) -> list[str]:
 
 
 def ripple_table(scores: Scores) -> list[str]:
-    """Ripple of each law on each plant; in bold the least, and what is within 2 % of it."""
+    """Ripple on each plant of the bar and of each law that learns; in bold the least, and what is within 2 %."""
     value, scale = partial(scores.value, "ripple"), SCORE_COLUMNS["ripple"].scale
-    best = {plant: scores.best(partial(value, plant), scores.laws) for plant in scores.plants}
+    laws = [law for law in scores.laws if law not in FEEDBACK_ALONE]
+    best = {plant: scores.best(partial(value, plant), laws) for plant in scores.plants}
     rows = []
-    for law in scores.laws:
+    for law in laws:
         cells = [
             "-" if (left := value(plant, law)) is None else _cell(left / scale, law in best[plant])
             for plant in scores.plants
@@ -109,7 +113,7 @@ def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
     rows = []
     for found in content["limits"]:
         shares = {each["cause"]: each["share"] for each in found["causes"]}
-        causes = [f"{_cause(name)} ({100 * shares[name]:.0f} %)" for name in found["named"]] or [
+        causes = [f"{_cause(name)} ({100 * shares[name]:.0f} %)" for name in found["named"][:NAMED]] or [
             "no single one"
         ]
         helps = [
