@@ -94,7 +94,7 @@ def plant_list(scores: Scores) -> list[str]:
 
 
 def ripple_table(scores: Scores) -> list[str]:
-    """Ripple on each plant of the bar and of each law that learns; in bold the least, and what is within 2 %."""
+    """Ripple of the bar and of each law that learns; in bold the least of a plant, and what is within 2 %."""
     value, scale = partial(scores.value, "ripple"), SCORE_COLUMNS["ripple"].scale
     laws = [law for law in scores.laws if law not in FEEDBACK_ALONE]
     best = {plant: scores.best(partial(value, plant), laws) for plant in scores.plants}
@@ -109,7 +109,10 @@ def ripple_table(scores: Scores) -> list[str]:
 
 
 def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
-    """Rows with the best law of each plant, what limits it and what helps most, all from runs."""
+    """Rows with the best law of a plant, what limits it and what helps most, all from runs.
+
+    Plants without a change that helps are left out.
+    """
     rows = []
     for found in content["limits"]:
         shares = {each["cause"]: each["share"] for each in found["causes"]}
@@ -119,10 +122,11 @@ def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
         helps = [
             f"{_set(each['set'])} leaves {number(each['value'] / RPM)}" for each in found["helps"].values()
         ]
-        left = number(found["value"] / RPM)
-        rows.append(
-            [found["plant"], scores.label(found["law"]), left, "; ".join(causes), "; ".join(helps) or "-"]
-        )
+        if helps:
+            left = number(found["value"] / RPM)
+            rows.append(
+                [found["plant"], scores.label(found["law"]), left, "; ".join(causes), "; ".join(helps)]
+            )
     return table(["plant", "least ripple", "r/min", "what limits it", "what would help"], rows)
 
 

@@ -3,8 +3,8 @@
     cogless run mandra2019 -o results/mandra2019
     python docs/mandra2019_tables.py --write results/mandra2019/results.json
 
-Without --write the tables are printed. The published values are in this file. Gains and certificates are
-those of `cogless design`. Trials and errors come from results.json. The variations are run here (a minute).
+Without --write the tables are printed. The published values are in this file. Gains are those of
+`cogless design`. Trials and errors come from results.json. The variations are run here (a minute).
 """
 
 from __future__ import annotations
@@ -60,29 +60,6 @@ def _list(values: Sequence[float], decimals: int) -> str:
     return ", ".join(f"{value:.{decimals}f}" for value in values)
 
 
-def certificate(design: Mapping[str, Any]) -> list[str]:
-    """The certificate of two structures, for the Euler model and for the exactly sampled plant."""
-    rows = []
-    for name in PUBLISHED:
-        label = LABELS[name]
-        for key, model in (("design_model", "Euler"), ("exactly_sampled", "exact")):
-            found = design["controllers"][name]["certificate"][key]
-            cells = [
-                f"{found['radius_along_the_trial']:.4f}",
-                f"{found['radius_with_one_more_sample_of_delay']:.3f}",
-            ]
-            for filtered in ("without_filter", "with_filter"):
-                cells.append(_verdict(found[filtered]))
-            rows.append([f"{label}, {model}", *cells])
-    head = ["", "along the trial", "one more sample", "from trial to trial", "filtered"]
-    return table(head, rows)
-
-
-def _verdict(found: Mapping[str, Any]) -> str:
-    word = "contracting" if found["contracting"] else "monotone" if found["monotone"] else "may grow"
-    return f"{found['norm']:.6g} at {found['norm_at_Hz']:.4g} Hz, {word}"
-
-
 def count(value: float | None) -> str:
     return "never" if value is None or not math.isfinite(value) else f"{value:.0f}"
 
@@ -103,13 +80,12 @@ def to_floor(rms: Errors, floor: float) -> str:
 
 
 def observer(metrics: Metrics) -> list[str]:
-    """Fig. 1 and the law with an observer: trials to the floor, first and later errors in resolver steps."""
+    """Fig. 1 and the law with an observer: trials to the floor, first errors in resolver steps."""
     rows = []
     for name, label in OBSERVER.items():
         here = metrics["table-1", name]
         rows.append([f"{label}: trials to the floor", *(count(n) for n in here["trials_to_floor"])])
-        for key, text in (("first_error_rad", "first trial"), ("final_error_rad", "second half")):
-            rows.append([f"{label}: {text}, RMS", *(number(x / STEP) for x in here[key])])
+        rows.append([f"{label}: first trial, RMS", *(number(x / STEP) for x in here["first_error_rad"])])
     return table(["resolver steps", *PHASES], rows)
 
 
@@ -167,7 +143,6 @@ def blocks(path: Path) -> Blocks:
     metrics, design = metrics_of(path), designed()
     return {
         "gains": gains(design),
-        "certificate": certificate(design),
         "trials": trials(metrics),
         "observer": observer(metrics),
         "variations": variations(),
