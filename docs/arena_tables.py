@@ -1,4 +1,4 @@
-"""Tables of the arena for docs/studies/arena.md: scores, costs, and the ripple on every plant.
+"""Tables of the arena for docs/studies/arena.md: scores, costs, and the ripple on each plant.
 
 cogless run arena --limits -o results/arena
 python docs/arena_tables.py --write results/arena/results.json
@@ -26,7 +26,7 @@ from cogless.run.suspects import LONGER_FACTOR
 from cogless.study.toml import toml
 
 ON_PAGE = {name: column for name, column in SCORE_COLUMNS.items() if name not in ("orders", "copper_loss")}
-FEEDBACK_ALONE = ("pi-60", "adrc", "robust-off", "position-off")  # laws that learn nothing: not in `ripple`
+SHOWN = ("table", "pi-afc", "harmonic")  # laws whose ripple is shown on each plant
 NAMED = 2  # causes in `limits`
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
 
@@ -84,28 +84,19 @@ def growth(scores: Scores) -> list[str]:
     return found or ["- none"]
 
 
-def plant_list(scores: Scores) -> list[str]:
-    lines = []
+def plant_table(scores: Scores) -> list[str]:
+    """What each plant is, the ripple on it of the bar and of `SHOWN`, and its best law."""
+    value, column = partial(scores.value, "ripple"), SCORE_COLUMNS["ripple"]
+    shown = (scores.bar, *SHOWN)
+    rows = []
     for plant in scores.plants:
         about = str(scores.content["plants"][plant]["about"])
-        bar = f". {scores.label(scores.bar)} isn't on it" if plant in scores.barless else ""
-        lines.append(f"- `{plant}`: {about[0].upper()}{about[1:]}{bar}.")
-    return lines
-
-
-def ripple_table(scores: Scores) -> list[str]:
-    """Ripple of the bar and of each law that learns; in bold the least of a plant, and what is within 2 %."""
-    value, scale = partial(scores.value, "ripple"), SCORE_COLUMNS["ripple"].scale
-    laws = [law for law in scores.laws if law not in FEEDBACK_ALONE]
-    best = {plant: scores.best(partial(value, plant), laws) for plant in scores.plants}
-    rows = []
-    for law in laws:
-        cells = [
-            "-" if (left := value(plant, law)) is None else _cell(left / scale, law in best[plant])
-            for plant in scores.plants
-        ]
-        rows.append([scores.label(law), *cells])
-    return table([SCORE_COLUMNS["ripple"].unit, *scores.plants], rows)
+        best = scores.best(partial(value, plant))[:1]
+        found = [value(plant, law) for law in (*shown, *best)]
+        cells = ["-" if left is None else number(left / column.scale) for left in found]
+        cells += [f"{scores.label(best[0])}: {cells.pop()}" if best else "-"]
+        rows.append([f"`{plant}`", f"{about[0].upper()}{about[1:]}", *cells])
+    return table(["plant", "what it is", *map(scores.label, shown), "best law"], rows)
 
 
 def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
@@ -147,8 +138,7 @@ def blocks(path: Path) -> Blocks:
     return {
         "scores": main_table(scores),
         "hour": growth(scores),
-        "plants": plant_list(scores),
-        "ripple": ripple_table(scores),
+        "plants": plant_table(scores),
         "limits": limit_table(content, scores),
     }
 
