@@ -1,4 +1,4 @@
-"""Tables of the arena for docs/studies/arena.md: scores, costs, and the ripple on every plant.
+"""Tables of the arena for docs/studies/arena.md: scores, costs, and the ripple on each plant.
 
 cogless run arena --limits -o results/arena
 python docs/arena_tables.py --write results/arena/results.json
@@ -25,6 +25,9 @@ from cogless.results.limits import AND, CAUSES
 from cogless.run.suspects import LONGER_FACTOR
 from cogless.study.toml import toml
 
+ON_PAGE = {name: column for name, column in SCORE_COLUMNS.items() if name not in ("orders", "copper_loss")}
+SHOWN = ("table", "pi-afc", "harmonic")  # laws whose ripple is shown on each plant
+NAMED = 2  # causes in `limits`
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
 
 
@@ -52,16 +55,16 @@ def _rows(page: str, block: str) -> dict[str, dict[str, str]]:
 
 def main_table(scores: Scores) -> list[str]:
     known, rows = costs(), []
-    best = {column: scores.winners(column) for column in SCORE_COLUMNS}
+    best = {column: scores.winners(column) for column in ON_PAGE}
     for law in scores.laws:
         cells = [
             scores.unscored(column, law) if score is None else _cell(score, law in best[column])
-            for column in SCORE_COLUMNS
+            for column in ON_PAGE
             for score in [scores.score(column, law)]
         ]
         spent = known.get(scores.content["laws"][law]["law"], ("-", "-"))
         rows.append([scores.label(law), *cells, *spent, str(scores.met(law))])
-    head = ["law", *(c.title for c in SCORE_COLUMNS.values()), "instructions", "RAM", "plants"]
+    head = ["law", *(c.title for c in ON_PAGE.values()), "instructions", "RAM", "plants"]
     return table(head, rows)
 
 
@@ -81,44 +84,40 @@ def growth(scores: Scores) -> list[str]:
     return found or ["- none"]
 
 
-def plant_list(scores: Scores) -> list[str]:
-    lines = []
+def plant_table(scores: Scores) -> list[str]:
+    """What each plant is, the ripple on it of the bar and of `SHOWN`, and its best law."""
+    value, column = partial(scores.value, "ripple"), SCORE_COLUMNS["ripple"]
+    shown = (scores.bar, *SHOWN)
+    rows = []
     for plant in scores.plants:
         about = str(scores.content["plants"][plant]["about"])
-        bar = f". {scores.label(scores.bar)} isn't on it" if plant in scores.barless else ""
-        lines.append(f"- `{plant}`: {about[0].upper()}{about[1:]}{bar}.")
-    return lines
-
-
-def ripple_table(scores: Scores) -> list[str]:
-    """Ripple of each law on each plant; in bold the least, and what is within 2 % of it."""
-    value, scale = partial(scores.value, "ripple"), SCORE_COLUMNS["ripple"].scale
-    best = {plant: scores.best(partial(value, plant), scores.laws) for plant in scores.plants}
-    rows = []
-    for law in scores.laws:
-        cells = [
-            "-" if (left := value(plant, law)) is None else _cell(left / scale, law in best[plant])
-            for plant in scores.plants
-        ]
-        rows.append([scores.label(law), *cells])
-    return table([SCORE_COLUMNS["ripple"].unit, *scores.plants], rows)
+        best = scores.best(partial(value, plant))[:1]
+        found = [value(plant, law) for law in (*shown, *best)]
+        cells = ["-" if left is None else number(left / column.scale) for left in found]
+        cells += [f"{scores.label(best[0])}: {cells.pop()}" if best else "-"]
+        rows.append([f"`{plant}`", f"{about[0].upper()}{about[1:]}", *cells])
+    return table(["plant", "what it is", *map(scores.label, shown), "best law"], rows)
 
 
 def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
-    """Rows with the best law of each plant, what limits it and what helps most, all from runs."""
+    """Rows with the best law of a plant, what limits it and what helps most, all from runs.
+
+    Plants without a change that helps are left out.
+    """
     rows = []
     for found in content["limits"]:
         shares = {each["cause"]: each["share"] for each in found["causes"]}
-        causes = [f"{_cause(name)} ({100 * shares[name]:.0f} %)" for name in found["named"]] or [
+        causes = [f"{_cause(name)} ({100 * shares[name]:.0f} %)" for name in found["named"][:NAMED]] or [
             "no single one"
         ]
         helps = [
             f"{_set(each['set'])} leaves {number(each['value'] / RPM)}" for each in found["helps"].values()
         ]
-        left = number(found["value"] / RPM)
-        rows.append(
-            [found["plant"], scores.label(found["law"]), left, "; ".join(causes), "; ".join(helps) or "-"]
-        )
+        if helps:
+            left = number(found["value"] / RPM)
+            rows.append(
+                [found["plant"], scores.label(found["law"]), left, "; ".join(causes), "; ".join(helps)]
+            )
     return table(["plant", "least ripple", "r/min", "what limits it", "what would help"], rows)
 
 
@@ -139,8 +138,7 @@ def blocks(path: Path) -> Blocks:
     return {
         "scores": main_table(scores),
         "hour": growth(scores),
-        "plants": plant_list(scores),
-        "ripple": ripple_table(scores),
+        "plants": plant_table(scores),
         "limits": limit_table(content, scores),
     }
 
