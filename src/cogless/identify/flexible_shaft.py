@@ -39,7 +39,7 @@ class Band:
 def _shares() -> list[Array]:
     """Shares of the instruments for each band, the fastest band first.
 
-    A band is a sum of three neighbours of LADDER, whose response grows with the fourth power of a low frequency.
+    A band combines three neighbours of LADDER. Its response rises with the fourth power of the frequency.
     """
     squares, bands = np.square(LADDER), []
     for first in range(len(LADDER) - 2):
