@@ -323,17 +323,18 @@ def _slowest(step_angle: float, window: float) -> float:
 
 def _instruments(alpha: Array, spacing: float) -> Array:
     """The acceleration through each kernel of LADDER, a row each; these have no fast changes."""
-    return np.array([_smooth(alpha, width / spacing) for width in LADDER]) / _weights(len(alpha), spacing)
+    return np.array([smooth(alpha, width / spacing) for width in LADDER]) / _weights(len(alpha), spacing)
 
 
-def _smooth(x: Array, width: float) -> Array:
+def smooth(x: Array, width: float) -> Array:
+    """The signal filtered by an instrument's Gaussian; `width` in rows."""
     return np.asarray(gaussian_filter1d(x, width, mode="constant", truncate=3))
 
 
 @lru_cache(maxsize=32)
 def _weights(count: int, spacing: float) -> Array:
     """Sum of each instrument's weights at each row, a row for each; below 1 near the ends of a log."""
-    return np.array([_smooth(np.ones(count), width / spacing) for width in LADDER])
+    return np.array([smooth(np.ones(count), width / spacing) for width in LADDER])
 
 
 def _hold_rows(log: Log, model: Model) -> Rows:

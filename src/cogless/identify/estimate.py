@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cogless.identify import findings, voltage
+from cogless.identify import findings, flexible_shaft, voltage
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind
 from cogless.identify.balance import (
     LADDER,
@@ -292,7 +292,22 @@ def estimate_motor(identification: Identification, logs: Sequence[Log], progress
         left_out=(),
         offsets=findings.offsets_of(logs),
     )
-    return findings.without_nonsense(with_errors(drive, state, delay, unsure, empty), left_out)
+    estimate = with_errors(drive, state, delay, unsure, empty)
+    return findings.without_nonsense(_with_flexible_shaft(drive, estimate, shift), left_out)
+
+
+def _with_flexible_shaft(drive: Logs, estimate: Estimate, delay_error: float) -> Estimate:
+    """The estimate with a remark if the inertia differs from frequency to frequency."""
+    if "j" not in estimate.values:
+        return estimate
+    bands = flexible_shaft.inertia_by_frequency(
+        drive.equations,
+        Equations(estimate.rows),
+        estimate.model,
+        instrument=estimate.instrument,
+        delay_error=delay_error,
+    )
+    return replace(estimate, remarks=(*estimate.remarks, *flexible_shaft.sentences(bands)))
 
 
 def at_delay(

@@ -33,6 +33,7 @@ WEIGHING_ROUNDS = 4
 SINGULAR_SHARE = 1e-11  # singular value of scaled equations, over the largest, below which it counts as 0
 WELL_POSED = 1e9  # largest condition of scaled equations that are inverted
 DELAY_SMOOTHING = 0.02  # s
+ALONE = np.eye(len(LADDER))  # shares of the instruments, for each instrument by itself
 LARGEST_INFLATION = 100.0  # largest factor by which the other columns may inflate a variance
 
 
@@ -280,17 +281,35 @@ class Equations:
 
     def noises(self, instrument: int = WIDE_INSTRUMENT) -> dict[str, float]:
         """Residual of each log, A rms."""
-        _, _, _, _, weights = self._solved(*self._with(instrument))
+        weights = self._weights(instrument)
         return dict(zip(self.logs, (weights**-0.5).tolist(), strict=True))
 
-    def _with(self, instrument: int) -> tuple[Array, Array]:
-        """Matrices and vectors of all blocks with one of the instruments in the acceleration's row."""
+    def _with(self, shares: Array) -> tuple[Array, Array]:
+        """Matrices and vectors of all blocks, with these shares of the instruments in the inertia's row."""
         matrices, vectors = self._stacked
         if ("j",) in self.names:
             place, matrices, vectors = self.names.index(("j",)), matrices.copy(), vectors.copy()
-            matrices[:, place] = [block.instruments[instrument] for block in self.blocks]
-            vectors[:, place] = [block.driven[instrument] for block in self.blocks]
+            matrices[:, place] = [shares @ block.instruments for block in self.blocks]
+            vectors[:, place] = [shares @ block.driven for block in self.blocks]
         return matrices, vectors
+
+    def _weights(self, instrument: int) -> Array:
+        """Weight of each log: the inverse of its residual's variance."""
+        return self._solved(*self._with(ALONE[instrument]))[4]
+
+    def inertia(self, shares: Array, instrument: int) -> tuple[float, Array, float]:
+        """The inertia with these shares of the instruments, its change without each block, and their product.
+
+        The product is that of instrument and acceleration. `instrument`: index of the instrument whose fit
+        weighs the logs.
+        """
+        place, weights = self.names.index(("j",)), self._weights(instrument)[self._log_of]
+        matrices, vectors = self._with(shares)
+        matrices, vectors = weights[:, None, None] * matrices, weights[:, None] * vectors
+        matrix = matrices.sum(axis=0)
+        values, inverse = solved(matrix, vectors.sum(axis=0))
+        moved = _without_each(matrices, vectors, values, inverse)
+        return float(values[place]), moved[:, place], float(matrix[place, place])
 
     @cached_property
     def _log_of(self) -> NDArray[np.intp]:
@@ -315,7 +334,7 @@ class Equations:
         blocks are left out to first order, and the states do not count: their part of the error is the same
         with all instruments, so the choice of an instrument does not need it.
         """
-        matrices, vectors = self._with(instrument)
+        matrices, vectors = self._with(ALONE[instrument])
         matrix, vector, values, inverse, weights = self._solved(matrices, vectors)
         log_of = self._log_of
         matrices = weights[log_of, None, None] * matrices
@@ -327,9 +346,8 @@ class Equations:
             others = [solved(matrix - m, vector - v)[0] for m, v in zip(matrices, vectors, strict=True)]
             moved = values - np.array(others)
         else:
-            count = len(matrices)
-            moved = (vectors - matrices @ values) @ inverse.T * count / max(1, count - 1)
-        variance, freedom = _variance_of(moved)
+            moved = _without_each(matrices, vectors, values, inverse)
+        variance, freedom = variance_of(moved)
         intervals = self._intervals(moved, states, variance, freedom)
         plain = sum(weight * self._plain[log][0] for log, weight in zip(self.logs, weights, strict=True))
         return Fit(
@@ -379,7 +397,7 @@ class Equations:
         parts = [np.array([block.part for block in self.blocks]) + LOG_QUARTERS * self._log_of, self._log_of]
         by_part = [np.array([moved[part == one].sum(axis=0) for one in np.unique(part)]) for part in parts]
         for groups in (*by_part, states):
-            between, fewer = _variance_of(groups)
+            between, fewer = variance_of(groups)
             excess = np.maximum(0.0, between - variance)
             total = np.maximum(variance + excess, 1e-300)
             spare = total**2 / np.maximum(excess**2 / fewer + variance**2 / freedom, 1e-300)
@@ -397,7 +415,13 @@ class Equations:
         return [(stretch, stretch.y - fit.prediction(stretch)) for stretch in self.rows]
 
 
-def _variance_of(moved: Array) -> tuple[Array, Array]:
+def _without_each(matrices: Array, vectors: Array, values: Array, inverse: Array) -> Array:
+    """Change of the values when one block is left out, to first order; a row for each block."""
+    count = len(matrices)
+    return np.asarray((vectors - matrices @ values) @ inverse.T * count / max(1, count - 1))
+
+
+def variance_of(moved: Array) -> tuple[Array, Array]:
     """Variance of a sum, and its degrees of freedom after Satterthwaite.
 
     Satterthwaite's formula needs the squared variances of the parts. For normal parts the mean of the fourth
