@@ -117,6 +117,7 @@ def test_it_names_a_number_that_is_unusual_where_the_speed_is_not_held(
     _, out, _ = cogless(capsys, "new", "light", *motor, "--inertia", "12 g*cm^2")
     text = " ".join(out.split())
     assert "harmonic does not hold 30 r/min" in text
+    assert "No guess, at either end of its range, makes harmonic hold this speed." in text
     says = "Check first what is unusual for such a motor: --inertia 12 g*cm^2 (usual: 162 to 540 g*cm^2)."
     assert says in text and "--resistance" not in text
     _, out, _ = cogless(capsys, "new", "usual", *motor, "--inertia", "200 g*cm^2")

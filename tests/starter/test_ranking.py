@@ -10,7 +10,7 @@ from drafts import request, written
 
 from cogless.run.simulate import simulate
 from cogless.starter import Effect, Outcome, rank
-from cogless.starter.ranking import shortened
+from cogless.starter.ranking import RUN_TICKS_MOST, shortened
 from cogless.starter.sheet import Guess
 from cogless.study import Study, load
 
@@ -75,3 +75,18 @@ def test_a_variant_that_is_refused_holds_no_speed(tmp_path: Path) -> None:
     (found,) = rank(study, [bad]).effects
     assert not found.outcomes["-1 ohm"].holds and "motor.R_s" in found.outcomes["-1 ohm"].why
     assert found.decides and found.nominal.holds
+
+
+def test_guesses_are_tried_for_as_long_as_learning_takes(tmp_path: Path) -> None:
+    """A step motor turns in jerks until harmonic has learned, which takes longer than the short runs."""
+    made, study = written(
+        tmp_path, request("nema17", "stepper", "as5047", speed="5 rpm", detent_torque="30 mN*m")
+    )
+    short = shortened(study)
+    assert short.scenario["slow"].duration == RUN_TICKS_MOST / study.drive.rates.current_loop
+    assert math.isinf(ripple(short)) and math.isfinite(ripple(study))
+    few = [guess for guess in made.guesses if guess.key in ("drive.inverter.dead_time", "motor.R_s")]
+    ranking = rank(study, few)
+    assert ranking.learned.holds and ranking.duration == 0
+    assert ranking.effects[0].guess.key == "drive.inverter.dead_time" and ranking.effects[0].decides
+    assert math.isinf(ripple(load(tmp_path / "mine.toml", {"drive.inverter.dead_time": "1000 ns"})))

@@ -422,7 +422,9 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
     if design is not None and design.verdict == "not worth it" and not _pays_off(design):
         effects = []  # effects on harmonic's ripple don't matter here
-    if effects:
+    if not any(answer.holds for effect in ranking.effects for answer in effect.answers):
+        lines += ["", *_wrapped("No guess, at either end of its range, makes harmonic hold this speed.")]
+    elif effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         of_runs = f", by runs of {ranking.duration:.2g} s" if ranking.duration else ""
         lines += ["", f"{count} most{of_runs}. Measure or look up first:"]

@@ -92,9 +92,16 @@ class Ranking:
 
 
 def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share: None) -> Ranking:
-    """Run the study, and again with each guess changed. A refused or failed variant holds no speed."""
-    short = shortened(study)
-    (scenario,) = short.scenario
+    """Run the study, and again with each guess changed. A refused or failed variant holds no speed.
+
+    The runs with a changed guess are short, unless the speed is held only in a full run.
+    """
+    full = with_first_scenario(study)
+    short = shortened(full)
+    (scenario,) = full.scenario
+    (learned,), (base,) = (outcomes([full], scenario, law) for law in (LEARNING_LAW, BASELINE_LAW))
+    if learned.holds and not outcomes([short], scenario, LEARNING_LAW)[0].holds:
+        short = full  # Learning takes longer than the short run.
     changes: list[Mapping[str, Any]] = [
         {},
         *(change for guess in guesses for change in guess.variants.values()),
@@ -105,9 +112,6 @@ def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share
         Effect(guess=guess, nominal=nominal, outcomes={label: next(rest) for label in guess.variants})
         for guess in guesses
     ]
-    is_short = short.scenario[scenario].duration < study.scenario[scenario].duration
-    (learned,) = outcomes([study], scenario, LEARNING_LAW) if is_short else (nominal,)
-    (base,) = outcomes([study], scenario, BASELINE_LAW)
     effects.sort(key=lambda effect: effect.size, reverse=True)
     return Ranking(
         learned=learned,
@@ -123,14 +127,20 @@ def _is_alike(one: Outcome, other: Outcome) -> bool:
     return abs(math.log(one.ripple / other.ripple)) <= math.log(ALIKE_RATIO)
 
 
+def with_first_scenario(study: Study) -> Study:
+    """The study with its first scenario alone."""
+    name = next(iter(study.scenario))
+    if len(study.scenario) == 1:
+        return study
+    return changed(study, {"scenario": {name: study.source.tables["scenario"][name]}})
+
+
 def shortened(study: Study) -> Study:
-    """The study with its first scenario alone, and a run of at most RUN_TICKS_MOST periods.
+    """A study of one scenario with a run of at most RUN_TICKS_MOST periods.
 
     If the run gets shorter by this, metrics are taken in its last third, and metrics of orders are left out.
     """
-    name, scenario = next(iter(study.scenario.items()))
-    if len(study.scenario) > 1:
-        study = changed(study, {"scenario": {name: study.source.tables["scenario"][name]}})
+    ((name, scenario),) = study.scenario.items()
     duration = min(scenario.duration, RUN_TICKS_MOST / study.drive.rates.current_loop)
     if duration == scenario.duration:
         return study
