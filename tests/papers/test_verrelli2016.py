@@ -89,8 +89,7 @@ def test_learning_helps_on_a_fair_feedback_too(runs: dict[tuple[str, str], Run])
 
 
 def test_ten_minutes_stay_bounded_and_no_worse() -> None:
-    """1,500 periods: what grew by a ten-thousandth in each would be larger than in the second minute. The
-    hour is in docs/verrelli2016_tables.py."""
+    """1,500 periods: what grew by a ten-thousandth in each would be larger than in the second minute."""
     study = load(
         "verrelli2016", {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "600 s"}
     )

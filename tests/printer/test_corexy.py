@@ -110,7 +110,7 @@ def test_each_motor_moves_half_of_a_mass_that_is_the_same_along_x_and_y(speeds: 
     assert np.all(rms(ripple) > 1e-6)  # Both motors' errors differ, so a wall along x has ripple across it.
 
 
-# Ripple across a move along x, um, as docs/theory/plant.md has it: y's mass over x's at 40 and 60 mm/s.
+# Ripple across a move along x, um rms, by y's mass over x's and by the speed in m/s.
 ACROSS = {
     (1.0, 0.04): 1.6,
     (1.0, 0.06): 1.6,
