@@ -39,13 +39,14 @@ class AngleFile(Table):
     """A CSV table over a revolution, mechanical or electrical. `orders`: of that revolution."""
 
     file: File
-    """CSV with the columns `angle` and `torque`, `current` or `voltage`, units in its heading. `current` is
-    torque over $K_t$ (per peak ampere). A voltage is measured turning forwards; its angle may begin anywhere.
-    """
+    """CSV with the columns `angle` and `torque`, `current` or `voltage`, with their units in its heading. A
+    current is the torque over $K_t$ (per peak ampere). A voltage is measured while the motor turns forwards;
+    its angle may begin anywhere."""
     frame: Literal["mechanical", "electrical"]
-    """Revolution of the table. Of a mechanical one, a back-EMF takes only the multiples of `pole_pairs`."""
+    """Revolution, mechanical or electrical, that the table spans. From a back-EMF over a mechanical
+    revolution, only orders that are multiples of `pole_pairs` are taken."""
     orders: Many[TableOrder] | None = None
-    """Orders of the table's revolution to take. Default: the largest."""
+    """Orders to take from the table, counted in its revolution. Default: the largest."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(
@@ -116,15 +117,16 @@ class CoggingTable(AngleFile):
     """Measured cogging: torque, or the current that is it over K_t, over the angle."""
 
     sign: Literal["on-rotor", "holding"]
-    """`on-rotor`: torque of the motor on its rotor. `holding`: the opposite, which holds the rotor there."""
+    """`on-rotor`: the table holds the torque of the motor on its rotor. `holding`: it holds the opposite
+    torque, which keeps the rotor at its angle."""
     peak: Torque | None = None  # N*m
-    """Largest magnitude of the torque, checked against the table to 5 %."""
+    """Largest magnitude of the torque. Checked: the table must agree to 5 %."""
     peak_to_peak: Torque | None = None  # N*m
-    """Peak-to-peak torque, checked against the table to 5 %."""
+    """Peak-to-peak torque. Checked: the table must agree to 5 %."""
     current_peak: Current | None = None  # A
-    """As `peak`, for a table of current."""
+    """Like `peak`, for a table of current."""
     current_peak_to_peak: Current | None = None  # A
-    """As `peak_to_peak`, for a table of current."""
+    """Like `peak_to_peak`, for a table of current."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:
@@ -163,13 +165,13 @@ class BackEmfTable(AngleFile):
     """
 
     between: Literal["line-to-line", "phase"]
-    """Two lines, or line and star point."""
+    """Where the voltage was measured: between two lines, or between a line and the star point."""
     speed: AngularSpeed  # rad/s
-    """Mechanical speed of the measurement."""
+    """Mechanical speed at which the voltage was measured."""
     peak: Voltage | None = None  # V
-    """Largest magnitude of the voltage, checked against the table to 5 %."""
+    """Largest magnitude of the voltage. Checked: the table must agree to 5 %."""
     peak_to_peak: Voltage | None = None  # V
-    """Peak-to-peak voltage, checked against the table to 5 %."""
+    """Peak-to-peak voltage. Checked: the table must agree to 5 %."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:

@@ -93,7 +93,7 @@ class Parameter(Table):
     value: float | None = None
     """Nominal value. Default: the middle of the range."""
     range: tuple[float, float] | None = Field(default=None, strict=False)
-    """Smallest and largest value. Default: the value is exactly known."""
+    """Smallest and largest value. Default: the value is known exactly."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -126,38 +126,39 @@ class PlantVertex(Table):
     """Matrices at one vertex of the set of possible plants, as numbers."""
 
     A: Rows
-    """Rows of numbers."""
+    """The matrix A as rows of numbers."""
     B: Many[float]
-    """Numbers."""
+    """The vector B as numbers."""
 
 
 class LinearPlant(Table):
     """A linear plant with one input and one output, sampled with `period`."""
 
     model: Literal["continuous", "discrete"] = "continuous"
-    """Whether A and B are of continuous or discrete time. A continuous plant is simulated exactly sampled."""
+    """Time of A and B: continuous or discrete. A continuous plant is simulated exactly at its samples."""
     period: Duration  # s
     """Time between two samples."""
     A: Many[Many[Entry]] | None = None
-    """Rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
+    """Matrix A as rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
     B: Many[Entry] | None = None
     """One number or formula for each state."""
     C: Many[float]
-    """Row of numbers."""
+    """Matrix C as one row of numbers."""
     parameter: dict[str, Parameter] = Field(default={})
-    """The parameters in A and B by name; each a plain number, `[smallest, largest]`, or a table."""
+    """Parameters of A and B by name. Each is a plain number, `[smallest, largest]`, or a table."""
     vertex: Many[PlantVertex] = ()
-    """Corners of the uncertainty in numbers, in place of A, B and `parameter`; the nominal plant is their
+    """Corners of the uncertainty as numbers. They replace A, B and `parameter`. The nominal plant is their
     mean."""
     states: Many[str] | None = None
     """Names of the states, for tables and report. Default: x_1, x_2, ..."""
     input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
     r"""Largest $\lvert u \rvert$."""
     noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Standard deviation of white noise on each measured state, as `[1e-5, 0]`. Default: none. The law sees
-    the noise; metrics and traces have the true states."""
+    """Standard deviation of the white noise on each measured state, such as `[1e-5, 0]`. Default: none. Only
+    the law sees the noise: metrics and traces have the true states."""
     load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0
-    """Standard deviation of white noise on the load $d$, in the unit of $u$; each sample has another."""
+    """Standard deviation of white noise on the load $d$, in the unit of $u$. Each sample draws a new
+    value."""
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:

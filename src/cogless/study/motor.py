@@ -63,13 +63,13 @@ class FluxHarmonic(Table):
     order: Order
     """Waves per electrical revolution."""
     d: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of $\psi_d$ += d cos(order $\theta_e$ + d_phase)."""
+    r"""Amplitude of this harmonic of $\psi_d$: d cos(order $\theta_e$ + d_phase)."""
     q: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of $\psi_q$ += q sin(order $\theta_e$ + q_phase)."""
+    r"""Amplitude of this harmonic of $\psi_q$: q sin(order $\theta_e$ + q_phase)."""
     d_phase: Angle = 0.0  # rad
-    """Phase of the d part."""
+    r"""Phase of the harmonic of $\psi_d$."""
     q_phase: Angle = 0.0  # rad
-    """Phase of the q part."""
+    r"""Phase of the harmonic of $\psi_q$."""
 
 
 class TorqueRipple(Table):
@@ -109,13 +109,13 @@ class Cogging(Table):
     order: Order
     """Waves per mechanical revolution."""
     torque: Torque | None = None  # N*m
-    r"""Amplitude of $\tau_{cog}$ += torque sin(order $\theta_m$ + phase); give this, `torque_peak_to_peak` or
-    `current`."""
+    r"""Amplitude of this harmonic of $\tau_{cog}$: torque sin(order $\theta_m$ + phase). Give this,
+    `torque_peak_to_peak` or `current`."""
     torque_peak_to_peak: Torque | None = None  # N*m
-    """Twice the amplitude, as datasheets have it."""
+    """Twice the amplitude. Datasheets usually state this value."""
     current: Current | None = None  # A
-    """Amplitude as holding current; torque = $K_t$ current. The cogging torque is opposite to the holding
-    torque: mind the sign of the phase."""
+    """Amplitude of the current that holds the rotor against this harmonic: torque = $K_t$ current. The
+    cogging torque has the opposite sign of the holding torque: mind this in `phase`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic, in its own angle."""
 
@@ -157,31 +157,31 @@ class Motor(Table):
     """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
     """
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
-    """Electrical revolutions in a mechanical one."""
+    """Electrical revolutions in a mechanical revolution."""
     slots: Annotated[int, Field(ge=3, le=10_000)] | None = None
-    """Teeth of the stator. With the poles they tell the orders of cogging; only [harmonic](/laws/harmonic.md)
-    needs them."""
+    """Teeth of the stator. Slots and poles give the orders of cogging. Only [harmonic](/laws/harmonic.md)
+    needs this key."""
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts
     R_s: Resistance | None = None  # ohm
     """Resistance of one winding."""
     resistance_line_to_line: Resistance | None = None  # ohm
     """Resistance between two terminals: twice that of a phase of the star equivalent."""
     L_d: Inductance | None = None  # H
-    """Inductance of one winding, d axis."""
+    """Inductance of one winding in the d axis."""
     L_q: Inductance | None = None  # H
-    """Inductance of one winding, q axis."""
+    """Inductance of one winding in the q axis."""
     inductance_line_to_line: Inductance | None = None  # H
     """Inductance between two terminals, for $L_d = L_q$: twice that of a phase of the star equivalent."""
     psi_f: FluxLinkage | None = None  # Wb
-    """Flux linkage of the magnet, peak, of one winding. Give this or another word for the magnet, down to
-    `K_e_phase_rms`."""
+    """Peak flux linkage of the magnet with one winding. Instead you may give another constant of the magnet,
+    one of the next keys down to `K_e_phase_rms`."""
     K_t: TorqueConstant | None = None  # N*m/A
     r"""Torque per peak line current, $1.5\, p\, \psi_f$ of the star equivalent."""
     K_t_rms: TorqueConstant | None = None  # N*m/A
     r"""Torque per rms line current, $\sqrt2\, K_t$."""
     kv: SpeedConstant | None = None  # rad/s/V
     r"""No-load speed per peak voltage from line to line, $1/(\sqrt3\, p\, \psi_f)$ of the star equivalent:
-    $K_t = \frac{\sqrt3}{2}/k_v$. The "Kv" of hobby motors, in rpm per volt of the battery, is this."""
+    $K_t = \frac{\sqrt3}{2}/k_v$. This is the "Kv" of hobby motors, in rpm per volt of the battery."""
     kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
     r"""Speed per rms voltage from line to line, $\sqrt2\, k_v$."""
     kv_phase_peak: SpeedConstant | None = None  # rad/s/V
@@ -191,15 +191,16 @@ class Motor(Table):
     K_e_line_to_line_peak: BackEmfConstant | None = None  # V*s/rad
     """Peak voltage from line to line per speed, $1/k_v$."""
     K_e_line_to_line_rms: BackEmfConstant | None = None  # V*s/rad
-    """Rms voltage from line to line per speed, often in V per 1000 rpm: write `"46 mV/rpm"` for 46 of those.
-    """
+    """Rms voltage from line to line per speed. Datasheets often state it in V per 1000 rpm: write 46 V per
+    1000 rpm as `"46 mV/rpm"`."""
     K_e_phase_peak: BackEmfConstant | None = None  # V*s/rad
     r"""Peak voltage from line to star point per speed, $p\, \psi_f$."""
     K_e_phase_rms: BackEmfConstant | None = None  # V*s/rad
     """Rms voltage from line to star point per speed."""
     winding: Literal["star", "delta"] = "star"
-    r"""Connection of the windings that `R_s`, `L_d`, `L_q` and flux linkages are of. A delta is turned into
-    its star equivalent: a third of resistance and inductance, $1/\sqrt 3$ of the flux linkage."""
+    r"""Connection of the windings to which `R_s`, `L_d`, `L_q` and the flux linkages refer. A delta is
+    converted to its star equivalent: a third of resistance and inductance, $1/\sqrt 3$ of the flux
+    linkage."""
     rated_torque: Torque | None = None  # N*m
     """Rated torque, for information."""
     rated_speed: AngularSpeed | None = None  # rad/s
@@ -207,15 +208,16 @@ class Motor(Table):
     flux_harmonics: Many[FluxHarmonic] = ()
     """Harmonics of the magnet's flux linkage."""
     torque_ripple: Many[TorqueRipple] = ()
-    """Harmonics of the torque constant, in per cent."""
+    """Harmonics of the torque constant."""
     cogging: Many[Cogging] = ()
     """Harmonics of the cogging torque."""
     cogging_table: CoggingTable | None = None
-    """Measured cogging over the angle, from a CSV file; added to `cogging`."""
+    """Cogging over the angle, measured, from a CSV file. It is added to `cogging`."""
     back_emf_table: BackEmfTable | None = None
-    """Measured back-EMF over the angle, from a CSV file: a word for the magnet, and flux harmonics."""
+    """Back-EMF over the angle, measured, from a CSV file. It gives the magnet's flux and `flux_harmonics`."""
     saturation: Saturation | None = None
-    """Flux linkages over the currents. Default: constant inductances. Not for a delta."""
+    """Flux linkages as functions of the currents. Default: constant inductances. A delta winding can't have
+    this table."""
     temperature: MotorTemperature | None = None
     """Temperature of winding and magnets. Default: resistance and flux stay as given."""
 
@@ -389,7 +391,8 @@ class StepMotor(Table):
     """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
     """
     teeth: Annotated[int, Field(ge=1, le=MOST_TEETH)] | None = None
-    """Number of rotor teeth $N_r$: electrical revolutions in a mechanical one. Give this or `step_angle`."""
+    """Number of rotor teeth $N_r$, which is the number of electrical revolutions in a mechanical one. Give
+    this or `step_angle`."""
     step_angle: Angle | None = None  # rad
     r"""Angle of a full step, $2 \pi / (4 N_r)$."""
     R_s: Resistance  # ohm
@@ -397,26 +400,26 @@ class StepMotor(Table):
     L_0: Inductance  # H
     """Inductance of a phase."""
     L_1: InductanceAmplitude = 0.0  # H
-    """Inductance of the saliency: $L_d = L_0 + L_1$, $L_q = L_0 - L_1$; smaller than `L_0`."""
+    """Amplitude of the inductance's saliency, smaller than `L_0`: $L_d = L_0 + L_1$, $L_q = L_0 - L_1$."""
     L_m: Many[InductanceAmplitude] = ()  # H
     r"""Coefficients $L_{m1}, L_{m2}, \ldots$ of the magnet's flux. The first makes the mean torque, $K_t =
     N_r i_f L_{m1}$; $L_{mj}$ makes ripple of electrical order $j - 1$. Give this or `holding_torque`."""
     holding_torque: PositiveTorque | None = None  # N*m
-    r"""Torque that both phases hold with `rated_current` each: $K_t$ = holding_torque / ($\sqrt2$
+    r"""Holding torque with `rated_current` in both phases: $K_t$ = holding_torque / ($\sqrt2$
     rated_current)."""
     rated_current: PositiveCurrent | None = None  # A
-    """Direct current of each phase at which the motor has its `holding_torque`."""
+    """Direct current in each of both phases at `holding_torque`."""
     L_m_backward: Many[InductanceAmplitude] = ()  # H
-    r"""As `L_m`, of flux waves that turn backwards; $L_{mj}$ makes ripple of electrical order $j + 1$. The
-    third harmonic of a symmetric motor is the third of these."""
+    """Like `L_m`, but for flux waves that turn backwards: $L_{mj}$ makes ripple of electrical order $j + 1$.
+    In a symmetric motor, the third harmonic of the flux is the third of these coefficients."""
     L_f: Many[InductanceAmplitude] = ()  # H
     r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque, $L_{fj}$ of electrical order $j$. Give
     this or `detent_torque`."""
     detent_torque: Torque | None = None  # N*m
-    r"""Amplitude of the cogging torque of electrical order 4, $2 N_r i_f^2 L_{f4}$. The torque that a
-    datasheet states turns the rotor without current, and has friction in it."""
+    """Amplitude of the cogging torque of electrical order 4, $2 N_r i_f^2 L_{f4}$. The detent torque of a
+    datasheet turns the rotor without current, so it contains friction."""
     i_f: PositiveCurrent = 1.0  # A
-    """Fictitious current of the magnet."""
+    """Fictitious current that stands for the magnet."""
 
     @model_validator(mode="after")
     def _one_word_each(self) -> Self:

@@ -61,13 +61,13 @@ class Start(Table):
     """[A stored map](/guide/stored-maps.md#start-a-run-from-a-map), relative to the study. Give this or
     `table`."""
     table: StartFile | None = None
-    """CSV of angle and current or torque, relative to the study, [with units in its
+    """CSV of a current or torque over the angle, relative to the study, [with units in its
     heading](/guide/stored-maps.md#a-foreign-table)."""
     frame: Literal["mechanical", "electrical"] = "mechanical"
-    """The revolution that the table's angle is of."""
+    """Revolution in which the table's angle counts."""
     sign: Literal["holding", "cogging"] | None = None
-    """Required for a table. `"holding"`: the current or torque that holds the rotor against the motor's own
-    torque. `"cogging"`: the motor's own torque."""
+    """Meaning of the table, which must be given. `"holding"`: current or torque that holds the rotor against
+    the motor's own torque. `"cogging"`: the motor's own torque."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -105,10 +105,11 @@ class Tuning(Table):
     """
 
     rule: Literal["phase-margin", "auto"]
-    """`phase-margin`, see [](/laws/pi.md), or `auto`, which gives all of a law's numbers that its table
-    lacks: [](/laws/auto.md)."""
+    """`phase-margin` gives the gains of the feedback: [](/laws/pi.md). `auto` gives all numbers of the law
+    that its table leaves out: [](/laws/auto.md)."""
     phase_margin: PhaseMargin = math.radians(45)  # rad
-    """Phase margin of the feedback, 20 to 80 deg (0.3 to 1.45 rad). Default with `auto`: 45 deg."""
+    """Phase margin of the feedback, from 20 to 80 deg (0.3 to 1.45 rad). `auto` takes 45 deg if this key is
+    left out."""
 
     @property
     def is_auto(self) -> bool:
@@ -193,9 +194,9 @@ class Commissioning(Table):
     speed: LawSpeed  # rad/s
     """Speed of the run."""
     revolutions: Annotated[int, Field(ge=1, le=100)] = 1
-    """Recorded revolutions in each direction."""
+    """Revolutions that are recorded in each direction."""
     position_gain: RateGain  # 1/s
-    """Gain that holds the rotor to the angle of the run's reference."""
+    """Gain that holds the rotor at the angle of the run's reference."""
 
     @property
     def duration(self) -> float:
@@ -214,7 +215,8 @@ class Base(Table):
     label: Line | None = None
     """Name in tables and report. Default: its name in the study."""
     baseline: bool = False
-    """True: ratios in tables and report are relative to this controller; one at most. Default: the first."""
+    """True: tables and report show ratios to this controller. Only one controller may be the baseline.
+    Default: the first one."""
 
     if TYPE_CHECKING:
         law: str  # name of the law; each law declares this as its first own key
@@ -449,11 +451,11 @@ class Feedback(Base):
     """A speed PI controller: kp and ki, or the rule that computes them."""
 
     kp: SpeedGain | None = None  # A*s/rad
-    """Proportional gain; give it with `ki`, or give `tuning`."""
+    """Proportional gain. Give it with `ki`, or give `tuning`."""
     ki: SpeedIntegralGain | None = None  # A/rad
     """Integral gain."""
     tuning: Tuning | None = None
-    """Rule that gives `kp` and `ki`. The learning part of `harmonic` has its own rule in any case."""
+    """Rule that gives `kp` and `ki`. The learning part of `harmonic` always has its own rule."""
 
     @property
     def has_pi(self) -> bool:
@@ -500,8 +502,9 @@ class Startable(Base):
     """A law whose map over the angle can be one that was learned before."""
 
     start: Start | None = None
-    """What the map holds at the start of a run. Default: nothing. A class of your own then has `learned_map`
-    and `load_map`; a library has `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
+    """Map that the law has at the start of a run. Default: an empty map. With this key, a class of your own
+    needs the methods `learned_map` and `load_map`, a library the functions `cogless_plugin_learned_map` and
+    `cogless_plugin_load_map`."""
 
     @property
     def begins_with(self) -> Start | None:
@@ -548,19 +551,19 @@ class Learning(LearnsWhileRunning):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
-    """Indexed by time or by angle, see [](/laws/memory.md)."""
+    """What indexes the memory: time or angle, see [](/laws/memory.md)."""
     period: Literal["electrical", "mechanical"] = "mechanical"
-    """The period of the ripple: an electrical or a mechanical revolution."""
+    """Period of the ripple: an electrical or a mechanical revolution."""
     cells: Cells = 1024
-    """By angle: entries of the map over a period, at most 65535. By time: the longest period, in speed-loop
-    samples."""
+    """Over the angle: entries of the map in a period, at most 65535. Over time: the longest period, in
+    speed-loop samples."""
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of the memory that is kept in each period; 1 keeps all."""
+    """Share of the memory that is kept from period to period. 1: all of it."""
     q_half_width: Annotated[int, Field(ge=0)] = 0
-    """Entries on each side of the Q filter's mean; 0 for no filter."""
+    """Entries on each side over which the Q filter averages. 0: no filter."""
     lead: StartTime = 0.0  # s
-    """The present error corrects the entry that acted this long ago. Rounded to speed-loop samples, at most
-    `cells`/4 of them."""
+    """Time back to the entry that the present error corrects, the entry that acted then. It is rounded to
+    speed-loop samples, at most `cells`/4 of them."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of the learned part. Default: `current_limit`."""
 

@@ -27,7 +27,7 @@ class Wave(Table):
     """A part of a correction: magnitude sin(order u + phase), u the electrical angle of the reference."""
 
     order: Annotated[int, Field(ge=1, le=1000)]
-    """Waves in an electrical revolution."""
+    """Number of waves in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
     """Amplitude, as an electrical angle."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
@@ -61,10 +61,12 @@ class AngleCorrection(Table):
     """Waves at negative speed, at most 8."""
 
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)] | None = None  # A rms
-    """Current of each coil, rms, that the correction is for. A law with another `current` gets a warning."""
+    """Current of each coil, rms, at which the correction is right. A law with another `current` gets a
+    warning."""
 
     file: File | None = None
-    """The `correction.json` that `cogless identify` wrote for a printer, in place of these three."""
+    """File `correction.json` that `cogless identify` wrote for a printer. It replaces the other three
+    keys."""
 
     @model_validator(mode="after")
     def _rises(self, info: ValidationInfo) -> AngleCorrection:
@@ -123,11 +125,13 @@ class Microstepping(Base):
     law: Literal["microstepping"]
     """Microstepping, see [](/laws/microstepping.md)."""
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)]  # A rms
-    """Current of each coil, rms, as a driver's `run_current`. Its amplitude is $\\sqrt2$ times as large."""
+    r"""Current of each coil, rms, like `run_current` of a driver. The current's amplitude is $\sqrt2$ times
+    as large."""
     microsteps: Annotated[int, Field(ge=1, le=MICROSTEPS_MOST)] = 256
     """Microsteps in a full step, a power of two up to 1024."""
     correction: AngleCorrection | None = None
-    """Added to the commanded angle, as `cogless identify --drive klipper` finds it. Default: none."""
+    """Waves that are added to the commanded angle, as `cogless identify --drive klipper` identifies them.
+    Default: none."""
 
     @field_validator("microsteps")
     @classmethod
