@@ -163,14 +163,16 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["run", "nowhere.toml"], "nowhere.toml: no such study: expected a file, or one of the shipped: "),
+        (["run", "nowhere.toml"], "nowhere.toml: no such study: expected a file, or one of the shipped "
+                                  "studies: "),
         (["run", "FOLDER"], "FOLDER: is a directory: expected a study file"),
         (["run", "STUDY", "--set", "motor.datasheet=none"],
-            'STUDY: motor.datasheet: "none": no such datasheet: expected a file, or one of the shipped: '),
+            'STUDY: motor.datasheet: "none": no such datasheet: expected a file, or one of the shipped '
+            'motors: '),
         (["run", "STUDY", "--set", "controller.p.kp=1"],
-            "STUDY: controller.p.kp: 1: expected a controller of pi, fair"),
+            "STUDY: controller.p.kp: 1: expected one of the controllers pi, fair"),
         (["run", "STUDY", "--set", "scenario.lo.duration_=1"],
-            "STUDY: scenario.lo.duration_: 1: expected a scenario of low, step"),
+            "STUDY: scenario.lo.duration_: 1: expected one of the scenarios low, step"),
         (["run", "STUDY", "--set", 'metric.0.window=["1 s"]'],
             'STUDY: metric.0.window: ["1 s"]: expected 2 values'),
         (["run", "STUDY", "--set", 'metric.0.window=["1 s", "2 s", "3 s"]'],
@@ -189,7 +191,7 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         (["run", "STUDY", "--set", "kp"], '--set: "kp": expected KEY=VALUE, such as controller.pi.kp=0.02'),
         (["run", "STUDY", "--fast"], "No such option: --fast"),
         (["run", "STUDY", "--only", "a/b"], 'STUDY: --only: "a/b": expected SCENARIO/CONTROLLER of low/pi, '),
-        (["calibrate", "STUDY"], "STUDY: calibration: missing: expected a table of parameters, targets"),
+        (["calibrate", "STUDY"], "STUDY: calibration: missing: expected a table with parameters and targets"),
     ],
 )  # fmt: skip
 def test_a_wrong_command_line(

@@ -333,7 +333,7 @@ def test_files_that_a_tuned_study_names_are_named_from_where_it_stands(tmp_path:
 def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = studies.write(tmp_path, ensembles.TEXT)
     code, _, err = cogless(capsys, "tune", path, "-o", tmp_path)
-    assert (code, err) == (2, f"{path}: tune: missing: expected a table of keys, minimise, ...\n")
+    assert (code, err) == (2, f"{path}: tune: missing: expected a table with keys, minimise, ...\n")
 
 
 def test_a_range_of_a_decade_is_searched_by_ratios() -> None:

@@ -33,7 +33,7 @@ kind = "ripple-rms"
 signal = "omega_m"
 last = "1 s"
 """
-LEFT_OUT = "Left out of the page: Mine: its law is code of its own, which the page doesn't run."
+LEFT_OUT = "Left out of the page: Mine: its law is your own code, which the page doesn't run."
 needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
 
 

@@ -415,7 +415,7 @@ def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
         ({"current_rate": "2.5 Hz"}, '--current-rate: "2.5 Hz": expected a whole number of Hz'),
         ({"bus_voltage": 2}, '--bus-voltage: "2 V": expected 5 to 800 V, which generic bears'),
         ({"holding_torque": 1},
-         '--holding-torque: "1 N*m": expected none, unless the motor has two phases, a step motor'),
+         '--holding-torque: "1 N*m": expected no such option, unless the motor has two phases, a step motor'),
     ],
 )  # fmt: skip
 def test_answers_that_do_not_go_together(tmp_path: Path, numbers: dict[str, object], message: str) -> None:
@@ -429,7 +429,7 @@ def test_answers_that_do_not_go_together(tmp_path: Path, numbers: dict[str, obje
     [
         ({"step_angle": 1.7},
          '--step-angle: "1.7 deg": expected 360 deg over four times the teeth, such as 1.8 deg'),
-        ({"kv": 100}, '--kv: "100 rpm/V": expected none, unless the motor has three phases'),
+        ({"kv": 100}, '--kv: "100 rpm/V": expected no such option, unless the motor has three phases'),
     ],
 )  # fmt: skip
 def test_answers_that_do_not_go_with_a_step_motor(

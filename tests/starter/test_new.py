@@ -189,13 +189,14 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
          '--drive: "stepper": expected one of generic, moteus, odrive, vesc, simplefoc, '
          "since the motor has three phases"),
         ("--motor gimbal --drive odrive --encoder as5047 --cpr 4000",
-         '--cpr: "4000": expected none, unless the encoder is incremental'),
+         '--cpr: "4000": expected no such option, unless the encoder is incremental'),
         ("--motor gimbal --drive odrive --encoder hall --bits 14",
-         '--bits: "14": expected none, unless the encoder is absolute'),
+         '--bits: "14": expected no such option, unless the encoder is absolute'),
         ("--motor uomodri --drive odrive --encoder as5047 --cogging 0.01",
-         '--cogging: "0.01 N*m": expected none, since the datasheet of uomodri has it'),
+         '--cogging: "0.01 N*m": expected no such option, since the datasheet of uomodri has it'),
         ("--motor krishnamurthy2003 --drive stepper --encoder as5047 --holding-torque 1",
-         '--holding-torque: "1 N*m": expected none, since the datasheet of krishnamurthy2003 has it'),
+         '--holding-torque: "1 N*m": expected no such option, since the datasheet of krishnamurthy2003 has '
+         'it'),
         ("--magnets 40", "--magnets: expected --pole-pairs, half the number of magnets: --pole-pairs 20"),
         ("--kv 300V", '--kv: "300V": expected a speed per voltage, such as "1 rpm/V"'),
         ("--kv fast", '--kv: "fast": expected a number in rpm/V, or with its unit, such as "1 rpm/V"'),

@@ -116,14 +116,14 @@ def table(
         option = next((name for name, value in options.items() if value is not None), None)
         if option is not None:
             raise StudyError(
-                f"{option}: expected none with --to {to}, whose table is over the electrical angle"
+                f"{option}: expected no such option with --to {to}: its table is over the electrical angle"
             )
         write_correction(adapter, source, current, output)
         return
     if current is not None:
         raise StudyError(
-            f"--current: expected none with --to {to}: only the correction of a printer's motor depends "
-            "on the current"
+            f"--current: expected no such option with --to {to}: only the correction of a printer's motor "
+            "depends on the current"
         )
     if encoder:
         if from_ is not None or shift is not None or reverse or study is not None:

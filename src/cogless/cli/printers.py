@@ -191,7 +191,8 @@ def stripe(
     angle = _quantity("--step-angle", step_angle, units.ANGLE)
     if not teeth_of(angle):
         raise StudyError(
-            f'--step-angle: "{step_angle}": expected 360 deg over four times the teeth, such as "1.8 deg"'
+            f'--step-angle: "{step_angle}": expected 360 deg divided by four times the number of teeth, such '
+            'as "1.8 deg"'
         )
     length, velocity = (
         _quantity("--spacing", spacing, units.LENGTH),

@@ -414,6 +414,6 @@ def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
 
 def _tune_table(study: AnyStudy) -> Tune:
     if study.tune is None:
-        expected = "expected a table of keys, minimise, ..."
+        expected = "expected a table with keys, minimise, ..."
         raise StudyError(f"{study.source.path}: tune: missing: {expected}")
     return study.tune

@@ -371,7 +371,7 @@ def _check_constants(request: Request) -> None:
 def _refuse(request: Request, names: tuple[str, ...], why: str) -> None:
     for name in names:
         if name in request.numbers:
-            raise RequestError(name, request.numbers[name].text, f"expected none, {why}")
+            raise RequestError(name, request.numbers[name].text, f"expected no such option, {why}")
 
 
 # mechanics

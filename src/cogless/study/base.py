@@ -115,7 +115,7 @@ class Distribution(Table):
             raise invalid(f'expected one of {", ".join(SPREAD_FORMS)}, such as uniform = "20 %"')
         form, value = self.form
         if isinstance(value, tuple) and form != "list" and len(value) != 2:
-            raise invalid("expected one number, or two", form)
+            raise invalid("expected one number or two numbers", form)
         if value == ():
             raise invalid("expected one or more", form)
         return self
@@ -143,7 +143,7 @@ class Together(Table):
         least = -1 / (len(self.keys) - 1)
         if self.correlation < least:
             expected = (
-                f"expected {least:.3g} or more, since no {len(self.keys)} values can have a "
+                f"expected {least:.3g} or more: {len(self.keys)} values can't all have a "
                 "lower correlation with each other"
             )
             raise invalid(expected, "correlation")
@@ -176,11 +176,11 @@ class Vary(Table):
                 if key not in self.keys:
                     raise invalid(f"expected one of {', '.join(self.keys)}", "together", index, "keys", place)
                 if key in taken:
-                    expected = "expected a key that is in no other group"
+                    expected = "expected a key that is in no other group of vary.together"
                     raise invalid(expected, "together", index, "keys", place)
                 taken.add(key)
         if not self.keys and not self.seeds:
-            raise invalid("expected one or more, or seeds = true", "keys", value="missing")
+            raise invalid("expected one or more keys that vary, or seeds = true", "keys", value="missing")
         return self
 
 

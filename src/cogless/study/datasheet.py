@@ -67,7 +67,8 @@ class AngleFile(Table):
         rms = math.sqrt(sum(abs(c) ** 2 for _, c in all_[1:]) / 2)
         if abs(mean) > OFFSET_MOST * rms:
             raise invalid(
-                f"expected a mean of zero, not {mean / rms:.3g} of the rms: is friction or an offset in it?",
+                f"expected a mean of zero, not {mean / rms:.3g} of the rms: perhaps it contains friction or "
+                "an offset",
                 *key,
                 "file",
             )
@@ -88,8 +89,8 @@ class AngleFile(Table):
             rest -= abs(c) ** 2
         if len(taken) > MOST_ORDERS:
             raise invalid(
-                f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, the table "
-                f"takes {len(taken)}; or name them in orders",
+                f"expected {MOST_ORDERS} orders or fewer that hold all but {LEFT_OUT:.0%} of the rms, but "
+                f"the table needs {len(taken)}: name the orders in the key orders",
                 *key,
                 "file",
             )
@@ -105,7 +106,7 @@ class AngleFile(Table):
             twice = any(
                 math.isclose(stated, factor * size, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
             )
-            why = "; peak and peak to peak differ by 2" if twice else ""
+            why = "; peak and peak to peak differ by a factor of 2" if twice else ""
             raise invalid(f"expected about {size:.4g} {unit}, as the table has{why}", key)
 
 
@@ -137,7 +138,7 @@ class CoggingTable(AngleFile):
             if getattr(self, key if of_current else f"current_{key}") is not None:
                 other, name = (f"current_{key}", "current") if of_current else (key, "torque")
                 wrong = key if of_current else f"current_{key}"
-                raise invalid(f"expected {other}, since the table has a {name}", wrong)
+                raise invalid(f"expected the key {other}, since the table holds a {name}", wrong)
         self._check_size("A" if of_current else "N*m", "current_" if of_current else "")
         self._waves()
         return self
@@ -193,9 +194,9 @@ class BackEmfTable(AngleFile):
         rms, fundamental = math.hypot(*(abs(c) for _, c in waves)), abs(dict(waves)[per_turn])
         if fundamental <= FUNDAMENTAL_LEAST * rms:
             expected = (
-                f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL_LEAST:.0%} of the rms"
+                f"expected a fundamental (order {per_turn}) of more than {FUNDAMENTAL_LEAST:.0%} of the rms"
             )
-            raise invalid(f"{expected}: are pole_pairs and frame right?", "back_emf_table", "file")
+            raise invalid(f"{expected}: perhaps pole_pairs or frame is wrong", "back_emf_table", "file")
         of_phase = {
             n // per_turn: c / (pole_pairs * self.speed) / self._difference(n // per_turn)
             for n, c in waves

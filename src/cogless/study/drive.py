@@ -89,7 +89,7 @@ class Quality(Table):
     @model_validator(mode="after")
     def _outlier(self) -> Self:
         if 0 < self.outlier < 1:
-            raise invalid("expected 1 or more, or 0 for none", "outlier")
+            raise invalid("expected 1 or more, or 0 to learn from every error", "outlier")
         return self
 
 
@@ -335,7 +335,7 @@ class EncoderTable(Table):
         rising = all(a < b for a, b in pairwise((0, *self.orders, ORDER_MAX + 1)))
         if not rising or not 1 <= len(self.orders) <= ENCODER_TABLE_ORDERS:
             raise invalid(
-                f"expected 1 to {ENCODER_TABLE_ORDERS} orders that rise, from 1 to {ORDER_MAX}", "orders"
+                f"expected 1 to {ENCODER_TABLE_ORDERS} rising orders between 1 and {ORDER_MAX}", "orders"
             )
         if self.limit * self.orders[-1] > 1:
             raise invalid(f"expected at most {1 / self.orders[-1]:.3g} rad", "limit")
@@ -438,17 +438,17 @@ class Drive(Table):
     @model_validator(mode="after")
     def _bridge(self) -> Self:
         if self.ideal and self.inverter is not None:
-            raise invalid("expected none, since the current loop is ideal", "inverter")
+            raise invalid("expected no such key, since the current loop is ideal", "inverter")
         if not self.ideal and self.inverter is None:
-            raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
+            raise invalid("expected a table with bus_voltage, ...", "inverter", value="missing")
         if self.ideal and self.current_reference is not None:
-            raise invalid("expected none, since the current loop is ideal", "current_reference")
+            raise invalid("expected no such key, since the current loop is ideal", "current_reference")
         if self.bus is not None and self.current_reference is not None:
-            raise invalid("expected none, since the law runs elsewhere, behind the bus", "current_reference")
+            raise invalid("expected no such key, since the law runs behind a bus", "current_reference")
         if self.dead_time_compensation is None:
             return self
         if self.ideal:
-            raise invalid("expected none, since the current loop is ideal", "dead_time_compensation")
+            raise invalid("expected no such key, since the current loop is ideal", "dead_time_compensation")
         check_sizes(self.dead_time_compensation, "dead_time_compensation")
         return self
 
@@ -461,7 +461,9 @@ class Drive(Table):
         share, word = (0.25, "a quarter") if inverter.pwm == "centre" else (0.5, "half")
         longest = share / self.rates.current_loop
         if inverter.minimum_pulse + inverter.dead_time >= longest:
-            expected = f"expected, with dead_time, less than {word} of a current-loop period, {longest:.3g} s"
+            expected = (
+                f"expected less than {longest:.3g} s together with dead_time, {word} of a current-loop period"
+            )
             raise invalid(expected, "inverter", "minimum_pulse")
         return self
 
@@ -469,7 +471,7 @@ class Drive(Table):
     def _correctable(self) -> Self:
         """Refuse to correct a sensor that has no error by orders of its own revolution."""
         if self.encoder_table is not None and not isinstance(self.position_sensor, Counted):
-            expected = "expected none, unless the position sensor is an encoder, absolute or a resolver"
+            expected = "expected no such key, unless the sensor is an encoder or a resolver"
             raise invalid(expected, "encoder_table")
         return self
 
@@ -477,7 +479,7 @@ class Drive(Table):
     def _observable(self) -> Self:
         """Refuse an observer or a speed filter that is too fast for the sampling rate of the current loop."""
         sensor, fastest = self.position_sensor, self.rates.current_loop / math.pi
-        expected = f"expected at most {fastest:.4g} Hz, a third of current_loop"
+        expected = f"expected at most {fastest:.4g} Hz, a third of rates.current_loop"
         if isinstance(sensor, Counted) and (sensor.observer_bandwidth or 0.0) > fastest:
             raise invalid(expected, "position_sensor", "observer_bandwidth")
         if (self.speed_filter or 0.0) > fastest:
@@ -487,7 +489,7 @@ class Drive(Table):
     @model_validator(mode="after")
     def _remembered(self) -> Self:
         """Refuse delays that are longer than the engine's memory of past values."""
-        longest, rate = PAST_MAX / self.rates.current_loop, self.rates.current_loop
+        longest = PAST_MAX / self.rates.current_loop
         sensor, bus = self.position_sensor, self.bus
         delays = {"position_sensor.latency": sensor.latency} if isinstance(sensor, Counted) else {}
         if bus is not None:
@@ -495,7 +497,7 @@ class Drive(Table):
             delays |= {f"bus.{key}": getattr(bus, key) for key in keys}
         for key, delay in delays.items():
             if delay > longest:
-                expected = f"expected at most {longest:g} s, {PAST_MAX} periods of {rate:g} Hz"
+                expected = f"expected at most {longest:g} s, {PAST_MAX} periods of the current loop"
                 raise invalid(expected, *key.split("."))
         return self
 

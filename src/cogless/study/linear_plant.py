@@ -50,7 +50,7 @@ def evaluate(text: str, values: Mapping[str, float]) -> float:
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, ExpressionError):
             raise
-        raise ExpressionError(f"expected a value that can be computed ({error})") from None
+        raise ExpressionError(f"expected a formula that can be computed ({error})") from None
     if not math.isfinite(value):
         raise ExpressionError("expected a finite value")
     return value
@@ -71,8 +71,8 @@ def _value(node: ast.expr, values: Mapping[str, float]) -> float:
             return float(number)
         case ast.Name(id=name):
             if name not in values:
-                names = ", ".join(values) or "none are given"
-                raise ExpressionError(f'expected known parameters ({names}), not "{name}"')
+                names = ", ".join(values) or "there are none"
+                raise ExpressionError(f'expected only known parameters ({names}), not "{name}"')
             return values[name]
         case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
             return -_value(inner, values) if isinstance(sign, ast.USub) else _value(inner, values)
@@ -104,7 +104,7 @@ class Parameter(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.range is None and self.value is None:
-            raise invalid("expected value, range or both")
+            raise invalid("expected the key value, range or both")
         if self.range is not None and self.range[1] < self.range[0]:
             raise invalid("expected a range from the smallest to the largest value", "range")
         if self.range is not None and self.value is not None:
@@ -168,7 +168,7 @@ class LinearPlant(Table):
             )
         n = len(self.C)
         if not 1 <= n <= TRIAL_STATES:
-            raise invalid(f"expected 1 to {TRIAL_STATES} numbers, one a state", "C")
+            raise invalid(f"expected 1 to {TRIAL_STATES} numbers, one for each state", "C")
         if self.A is not None and self.B is not None:
             self._check_shape(self.A, self.B)
             self._check_names()
@@ -176,17 +176,17 @@ class LinearPlant(Table):
         for index, vertex in enumerate(self.vertex):
             self._check_shape(vertex.A, vertex.B, "vertex", index)
         if self.vertex and self.parameter:
-            raise invalid("expected none, since vertex gives numbers", "parameter")
+            raise invalid("expected no such key, since vertex gives numbers", "parameter")
         if self.states is not None and len(self.states) != n:
-            raise invalid(f"expected {n} names, one a state", "states")
+            raise invalid(f"expected {n} names, one for each state", "states")
         if self.noise is not None and len(self.noise) != n:
-            raise invalid(f"expected {n} numbers, one a state", "noise")
+            raise invalid(f"expected {n} numbers, one for each state", "noise")
         return self
 
     def _check_shape(self, A: Sequence[Sequence[Any]], B: Sequence[Any], *key: str | int) -> None:
         n = len(self.C)
         if len(A) != n or any(len(row) != n for row in A):
-            raise invalid(f"expected {n} rows of {n}, as many as C has", *key, "A")
+            raise invalid(f"expected {n} rows of {n} numbers, as many as C has", *key, "A")
         if len(B) != n:
             raise invalid(f"expected {n} numbers, as many as C has", *key, "B")
 
@@ -201,7 +201,7 @@ class LinearPlant(Table):
                 raise invalid(str(error), *key) from None
             if unknown:
                 all_parameters = ", ".join(self.parameter) or "none"
-                expected = f'expected known parameters ({all_parameters}), not "{min(unknown)}"'
+                expected = f'expected only known parameters ({all_parameters}), not "{min(unknown)}"'
                 raise invalid(expected, *key)
 
     @property

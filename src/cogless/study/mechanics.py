@@ -63,7 +63,7 @@ class AngleTable(Table):
     def _shape(self, info: ValidationInfo) -> Self:
         if self.file is not None:
             if self.angle or self.torque:
-                raise invalid("expected none, since angle and torque are given", "file")
+                raise invalid("expected no such key, since angle and torque are given", "file")
             return self._read(info)
         check_table("angle", self.angle, self.torque)
         if self.angle[-1] - self.angle[0] >= TURN * (1 - 1e-9):
@@ -99,7 +99,7 @@ def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> 
     if not points or any(b <= a for a, b in pairwise(points)):
         raise invalid("expected one or more values, each above the previous one", axis)
     if len(points) != len(values):
-        raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
+        raise invalid(f"expected {len(points)} values, as many as {axis} has", "torque")
 
 
 class Load(Table):
@@ -150,9 +150,9 @@ class Mass(Table):
     @model_validator(mode="after")
     def _breakaway(self) -> Self:
         if self.breakaway < self.coulomb_friction:
-            raise invalid("expected no less than coulomb_friction", "breakaway_friction")
+            raise invalid("expected coulomb_friction or more", "breakaway_friction")
         if self.stribeck_speed and self.breakaway == self.coulomb_friction:
-            raise invalid("expected 0, unless breakaway_friction exceeds coulomb_friction", "stribeck_speed")
+            raise invalid("expected 0, unless breakaway_friction is above coulomb_friction", "stribeck_speed")
         return self
 
     @model_validator(mode="after")
@@ -162,13 +162,13 @@ class Mass(Table):
         least = self.coulomb_friction + lowest
         if least < 0:
             raise invalid(
-                "expected torques that nowhere make coulomb_friction plus the table negative",
+                "expected torques with which coulomb_friction plus table is nowhere negative",
                 "friction_table",
             )
         if sum(abs(h.torque) for h in self.friction_harmonics) > least * (1 + 1e-9):
             raise invalid(
-                f"expected amplitudes of {least:.6g} N*m or less together, so that friction is "
-                "nowhere below zero",
+                f"expected amplitudes whose sum is at most {least:.6g} N*m, so that friction is "
+                "nowhere negative",
                 "friction_harmonics",
             )
         return self
@@ -206,7 +206,7 @@ class LoadSide(Mass):
     def _turns_on(self) -> Self:
         if self.slope[0] <= 0:
             raise invalid(
-                "expected smaller errors: with these the gear's output would turn back", "gear_errors"
+                "expected smaller errors: with these errors the gear's output would turn back", "gear_errors"
             )
         return self
 
@@ -303,7 +303,7 @@ class Mechanics(Mass):
         if self.belt is None:
             return self
         if self.load_side is not None:
-            raise invalid("expected none, since there is a load_side", "belt")
+            raise invalid("expected no such key, since there is a load_side", "belt")
         return self.model_copy(update={"load_side": self.belt.load_side})
 
     @property

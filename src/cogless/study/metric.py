@@ -143,7 +143,7 @@ class Metric(Table):
         if value is None or dimension is None:
             return value
         if info.data.get("better") == "none":
-            raise invalid('expected none, since better is "none"')
+            raise invalid('expected no such key, since better is "none"')
         return Quantity(dimension, bare=not dimension.unit).read(value)
 
     @field_validator("unit")
@@ -171,16 +171,16 @@ class Metric(Table):
         }
         for key, needed in needs.items():
             if needed and getattr(self, key) in (None, ()):
-                raise invalid(f'expected one, since kind is "{self.kind}"', key, value="missing")
+                raise invalid(f'expected this key, since kind is "{self.kind}"', key, value="missing")
             optional = key == "event" or (key == "smooth" and self.kind in AT_AN_EVENT)
             if not needed and not optional and getattr(self, key) is not None:
-                raise invalid(f'expected none, since kind is "{self.kind}"', key)
+                raise invalid(f'expected no such key, since kind is "{self.kind}"', key)
         if self.kind == "carriage-ripple" and self.signal not in OF_A_CARRIAGE:
             raise invalid(f"expected {' or '.join(OF_A_CARRIAGE)}", "signal")
         if self.last is not None and (self.window, self.event) != (None, None):
-            raise invalid("expected one of window, last and event", "last")
+            raise invalid("expected only one of window, last and event", "last")
         if self.window is not None and self.window[1] <= self.window[0]:
-            raise invalid("expected a window that ends after it begins", "window")
+            raise invalid("expected an end after the beginning", "window")
         return self
 
     def span(self, end: float) -> tuple[float, float] | None:

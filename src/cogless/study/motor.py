@@ -224,7 +224,10 @@ class Motor(Table):
     @model_validator(mode="after")
     def _check_constants(self) -> Self:
         if not self._torque_constants:
-            raise invalid('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
+            raise invalid(
+                'expected a constant of the magnet, such as psi_f = "68 mWb", K_t = "0.4 N*m/A" or kv = "300 '
+                'rpm/V"'
+            )
         if not self._resistances:
             raise invalid(
                 'expected a resistance, such as "1 ohm", or resistance_line_to_line', "R_s", value="missing"
@@ -235,7 +238,9 @@ class Motor(Table):
                 raise invalid(expected, axis, value="missing")
         for word in OF_A_PHASE:
             if self.winding == "delta" and getattr(self, word) is not None:
-                raise invalid("expected a word from line to line, since a delta has no star point", word)
+                raise invalid(
+                    "expected a key with line_to_line in its name, since a delta has no star point", word
+                )
         measured = self.back_emf_table
         if self.winding == "delta" and measured is not None and measured.between == "phase":
             expected = 'expected "line-to-line", since a delta has no star point'
@@ -244,7 +249,7 @@ class Motor(Table):
             check_agreement(by_word)
         if self.saturation is not None:
             if self.winding == "delta":
-                raise invalid("expected none, since the winding is a delta", "saturation")
+                raise invalid("expected no such key, since the winding is a delta", "saturation")
             star = self.star()
             self.saturation.check(star.L_d, star.L_q)
         return self
@@ -284,11 +289,11 @@ class Motor(Table):
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
         if key in OTHER_WORDS:
-            return f"expected {OTHER_WORDS[key]} in its place"
+            return f"expected the key {OTHER_WORDS[key]} instead"
         if key != "poles":
             return None
         even = isinstance(value, int) and value > 0 and value % 2 == 0
-        return f'expected "pole_pairs", half of the poles{f": {value // 2}" if even else ""}'
+        return f'expected the key "pole_pairs" instead, half of the poles{f": {value // 2}" if even else ""}'
 
     @property
     def phases(self) -> int:
@@ -427,7 +432,9 @@ class StepMotor(Table):
             expected = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
             raise invalid(expected, "teeth", value="missing")
         if self.step_angle is not None and not teeth_of(self.step_angle):
-            raise invalid('expected 360 deg over four times the teeth, such as "1.8 deg"', "step_angle")
+            raise invalid(
+                'expected 360 deg divided by four times the number of teeth, such as "1.8 deg"', "step_angle"
+            )
         if bool(self.L_m) == (self.holding_torque is not None):
             expected = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
             raise invalid(expected, "L_m", value="missing")
@@ -435,13 +442,13 @@ class StepMotor(Table):
             expected = 'expected the direct current of each phase at the holding torque, such as "1.5 A"'
             raise invalid(expected, "rated_current", value="missing")
         if self.L_f and self.detent_torque is not None:
-            raise invalid("expected none, since detent_torque is given", "L_f")
+            raise invalid("expected no such key, since detent_torque is given", "L_f")
         return self
 
     @model_validator(mode="after")
     def _magnet(self) -> Self:
         if self.L_m and self.L_m[0] <= 0:
-            raise invalid("expected L_m1 above zero, and then the others", "L_m")
+            raise invalid("expected a first coefficient (L_m1) above zero", "L_m")
         if abs(self.L_1) >= self.L_0:
             raise invalid("expected less than L_0", "L_1")
         return self

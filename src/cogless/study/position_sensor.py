@@ -91,16 +91,17 @@ class Counted(Mounted):
         for key, method in (("observer_bandwidth", "observer"), ("window", "average")):
             is_set = key in self.model_fields_set and getattr(self, key) is not None
             if is_set and self.speed_method != method:
-                raise invalid(f'expected none, unless speed_method is "{method}"', key)
+                raise invalid(f'expected no such key, unless speed_method is "{method}"', key)
         if self.observer_bandwidth is None and self.speed_method == "observer":
             raise invalid("expected a frequency", "observer_bandwidth", value="missing")
         if self.timed and self.latency:
-            raise invalid("expected none, since the edges are timed", "latency")
+            raise invalid("expected no such key, since the edges are timed", "latency")
         slope = sum(abs(part["order"] * part["amplitude"]) for part in self.orders)
         if slope >= 1:
-            expected = "expected orders whose amplitudes, each times its order, add up to less than 1 rad"
+            expected = "expected a sum of all order * amplitude below 1 rad"
             raise invalid(
-                f"{expected}, or the angle runs backward", "error" if self.error else "eccentricity"
+                f"{expected}: otherwise the measured angle runs backward",
+                "error" if self.error else "eccentricity",
             )
         return self
 
@@ -112,7 +113,11 @@ class Counted(Mounted):
         points = [*zip(self._errors.angle, self._errors.value, strict=True)]
         points.append((points[0][0] + math.tau, points[0][1]))
         if any(f - e <= a - b for (a, e), (b, f) in pairwise(points)):
-            raise invalid("expected an error that never falls as fast as the angle rises", "error_table")
+            raise invalid(
+                "expected an error that falls more slowly than the angle rises, or the measured angle runs "
+                "backward",
+                "error_table",
+            )
         return self
 
     @classmethod
@@ -289,7 +294,9 @@ class Hall(Table):
         if len(self.placement) != 6:
             raise invalid("expected six angles, one for each edge", "placement")
         if any(abs(late) >= math.radians(30) for late in self.placement):
-            raise invalid("expected less than 30 deg each, or edges change places", "placement")
+            raise invalid(
+                "expected less than 30 deg for each edge: otherwise edges change places", "placement"
+            )
         return self
 
     def step(self, pole_pairs: int) -> float:

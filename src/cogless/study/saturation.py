@@ -52,7 +52,7 @@ class CurrentFile(Table):
         if self.file is None or not info.context:
             return self
         if any(getattr(self, name) for name in ("current", *columns)):
-            raise invalid("expected none, since its values are given", "file")
+            raise invalid("expected no such key, since its values are given in the study", "file")
         column = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
         return self.model_copy(update={"current": tuple(column.along), column.name: tuple(column.value)})
 
@@ -62,7 +62,7 @@ class CurrentFile(Table):
         if len(current) < 3 or any(b <= a for a, b in pairwise(current)) or 0.0 not in current:
             raise invalid("expected three or more values that rise, zero among them", self._named("current"))
         if len(value) != len(current):
-            raise invalid(f"expected as many values as current has, {len(current)}", name)
+            raise invalid(f"expected {len(current)} values, as many as current has", name)
         if name == "flux" and value[current.index(0.0)] != 0.0:
             raise invalid("expected zero at zero current", self._named(name))
 

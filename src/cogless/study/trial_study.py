@@ -118,7 +118,7 @@ class EachTrial(Table):
     @model_validator(mode="after")
     def _one_form(self) -> Self:
         for key in self.uniform.model_fields_set & self.normal.model_fields_set:
-            raise invalid("expected none, since normal has it", "uniform", key)
+            raise invalid("expected no such key, since normal has it, too", "uniform", key)
         return self
 
     def form_of(self, key: str) -> tuple[str, Any]:

@@ -11,8 +11,8 @@ from cogless.study.laws.law import MAP_CELLS_MOST, Commissioning, Feedback, LawL
 from cogless.study.table import StartTime, invalid
 
 NOT_FILLED = (
-    'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" }, which '
-    "gives one, or a start"
+    'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" } '
+    "or a start"
 )
 
 

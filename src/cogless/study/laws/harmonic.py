@@ -73,7 +73,7 @@ class Harmonic(Feedback, LearnsWhileRunning):
                 "expected a gain, since kp and ki are given and position is true", "k_theta", value="missing"
             )
         if self.k_theta is not None and not by_hand:
-            raise invalid("expected none, unless position is true and kp and ki are given", "k_theta")
+            raise invalid("expected no such key, unless position is true and kp and ki are given", "k_theta")
         return self
 
     learns_every_order: ClassVar[bool] = True

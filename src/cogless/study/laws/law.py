@@ -76,12 +76,13 @@ class Start(Table):
             raise invalid('expected either map = "FILE.bin" or table = "FILE.csv"')
         if self.table is not None and self.sign is None:
             meaning = (
-                '"holding" if it holds the rotor against the motor\'s own torque, "cogging" if it is that'
+                '"holding" for values that hold the rotor against the motor\'s own torque, "cogging" for '
+                "that torque itself"
             )
             raise invalid(f"expected {meaning}", "sign", value="missing")
         for key in ("frame", "sign"):
             if self.map is not None and key in self.model_fields_set:
-                raise invalid("expected none, since a stored map tells it", key)
+                raise invalid("expected no such key, since a stored map contains it", key)
         return self
 
     @model_validator(mode="after")
@@ -130,7 +131,7 @@ class Tuning(Table):
     @model_validator(mode="after")
     def _check_tuning(self) -> Self:
         if not self.is_auto and "phase_margin" not in self.model_fields_set:
-            raise invalid('expected one, such as "60 deg"', "phase_margin", value="missing")
+            raise invalid('expected a phase margin, such as "60 deg"', "phase_margin", value="missing")
         return self
 
 
@@ -230,7 +231,7 @@ class Base(Table):
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ()  # keys that a rule gives, for a law without a single gain
     BY_MATRIX: ClassVar[bool] = False  # whether it learns from trials by a matrix of all pairs of samples
     # text after "expected" in the error for a law that has no map to start from
-    NEEDS: ClassVar[str] = "none, since the memory is over time"
+    NEEDS: ClassVar[str] = "no start, since the memory is over time"
     NO_C_FORM: ClassVar[str] = ""  # why the law can't be exported as C; "": it can
     NO_DRIVE: ClassVar[bool] = False  # whether the exported C has no drive around the law
     NOT_ON_PAGE: ClassVar[str] = ""  # why a live page can't run the law; "": it can
@@ -495,7 +496,7 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
     if not line and cells > MAP_CELLS_MOST:
         raise invalid(f"expected at most {MAP_CELLS_MOST}, since the memory is a map", "cells")
     if 2 * q_half_width + 2 > cells:
-        raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
+        raise invalid(f"expected a filter that fits into the {cells} cells of the memory", "q_half_width")
 
 
 class Startable(Base):
@@ -614,11 +615,11 @@ class Learning(LearnsWhileRunning):
             return
         longest = max(samples)
         if self.memory == "time" and min(samples) > self.cells:
-            expected = f"expected {math.ceil(min(samples))} or more, the samples of a period"
+            expected = f"expected {math.ceil(min(samples))} or more, the number of samples in a period"
             raise invalid(expected, "controller", name, "cells", value=self.cells)
         if longest < FEWEST_SAMPLES:
             expected = (
-                f"expected a longer one: it has {longest:.3g} samples, at least {FEWEST_SAMPLES} are needed"
+                f"expected a longer period: this one has {longest:.3g} samples, but needs {FEWEST_SAMPLES}"
             )
             raise invalid(expected, "controller", name, "period", value=self.period)
         quarter = longest / FEWEST_SAMPLES / rate

@@ -74,9 +74,9 @@ class AngleCorrection(Table):
             self._check("")
             return self
         if self.forward or self.backward:
-            raise invalid("expected none, since forward or backward is given", "file")
+            raise invalid("expected no such key, since forward or backward is given", "file")
         if self.current is not None:
-            raise invalid("expected none, since the file has its own", "current", value=self.current)
+            raise invalid("expected no such key, since the file contains it", "current", value=self.current)
         if not info.context:
             return self
         correction = self.model_copy(update=_tables_of_file(info.context["folder"] / self.file))
@@ -91,7 +91,7 @@ class AngleCorrection(Table):
         for direction in CORRECTED_DIRECTIONS:
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
-                expected = f"expected order times magnitude below 1 rad together, not {slope:.3g} rad"
+                expected = f"expected a sum of all order * magnitude below 1 rad, not {slope:.3g} rad"
                 raise invalid(expected, key or direction)
 
 
@@ -173,7 +173,8 @@ class Microstepping(Base):
         unlike = {
             "a motor of kind step": study.motor.phases != 2,
             "a current loop that is not ideal": drive.ideal,
-            "drive.rates.speed_loop like current_loop": rates.divider != 1 or rates.position_loop is not None,
+            "drive.rates.speed_loop equal to current_loop": rates.divider != 1
+            or rates.position_loop is not None,
             "an ideal position sensor, which only stands for the driver's coils": (
                 not isinstance(drive.position_sensor, IdealSensor)
             ),
@@ -189,7 +190,7 @@ class Microstepping(Base):
                 raise invalid(f"expected {expected}", *where, value=self.law)
         if self.amplitude > drive.current_loop.current_limit * (1 + 1e-9):
             expected = f"expected at most {drive.current_loop.current_limit / math.sqrt(2):.6g} A rms"
-            raise invalid(f"{expected}, by drive.current_loop.current_limit", *where[:2], "current")
+            raise invalid(f"{expected}, the limit by drive.current_loop.current_limit", *where[:2], "current")
 
 
 def _waves(waves: Sequence[Wave]) -> list[dict[str, float]]:

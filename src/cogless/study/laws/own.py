@@ -16,7 +16,7 @@ from cogless.study.table import File, FileName, Many, StartTime, invalid
 class OwnLaw(Startable):
     """The keys of every controller that a user has written himself."""
 
-    NOT_ON_PAGE: ClassVar[str] = "its law is code of its own, which the page doesn't run"
+    NOT_ON_PAGE: ClassVar[str] = "its law is your own code, which the page doesn't run"
 
     learning: bool = False
     """True: the law learns. Reports then count it among the learning laws."""

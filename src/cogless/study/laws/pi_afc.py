@@ -68,7 +68,7 @@ class PiAfc(Feedback, LearnsWhileRunning):
         rising = all(a < b for a, b in pairwise((0, *self.orders, PI_AFC_ORDER_MAX + 1)))
         if not rising or not 1 <= len(self.orders) <= PI_AFC_ORDERS:
             raise invalid(
-                f"expected 1 to {PI_AFC_ORDERS} orders that rise, from 1 to {PI_AFC_ORDER_MAX}", "orders"
+                f"expected 1 to {PI_AFC_ORDERS} rising orders between 1 and {PI_AFC_ORDER_MAX}", "orders"
             )
         return self
 

@@ -175,15 +175,17 @@ class SpaceLearning(LearnsWhileRunning):
         self._check_numbers(study, name)
         _check_angles(name, revolutions, self.ratio(pole_pairs))
         if self.by_rotor and (1 / revolutions).denominator != 1:
-            expected = "expected a period that fits into a revolution of the rotor, not"
-            raise invalid(f"{expected} {float(revolutions):.4g} of one", "controller", name, "period")
+            expected = "expected a whole number of periods in a revolution of the rotor, not a period of"
+            raise invalid(f"{expected} {float(revolutions):.4g} revolutions", "controller", name, "period")
         for key in study.scenarios_of(name) if self.learning else ():
             scenario = study.scenario[key]
             top, turn = scenario.top_reference, TURN * float(revolutions)
             if top > 0 and rate * turn / top < FEWEST_SAMPLES:
                 samples = rate * turn / top
-                expected = f"expected a longer one: at the top speed of scenario {key} it has {samples:.3g} "
-                needed = f"samples, at least {FEWEST_SAMPLES} are needed"
+                expected = (
+                    f"expected a longer period: at the top speed of scenario {key} it has {samples:.3g} "
+                )
+                needed = f"samples, but needs {FEWEST_SAMPLES}"
                 raise invalid(expected + needed, "controller", name, "period")
             if self.memory == "delay":
                 self._check_delay_line(name, key, scenario.speeds[0], rate * turn)
@@ -200,17 +202,20 @@ class SpaceLearning(LearnsWhileRunning):
     def _check_delay_line(self, name: str, scenario: str, slowest: float, reach: float) -> None:
         if slowest < self.omega_min:
             expected = (
-                f'expected "map": the reference of scenario {scenario} comes down to {slowest:.4g} rad/s, '
+                f'expected "map": the reference of scenario {scenario} slows down to {slowest:.4g} rad/s, '
             )
-            needed = f"and a delay line needs omega_min, {self.omega_min:g} rad/s, or more"
+            needed = f"but a delay line needs omega_min, {self.omega_min:g} rad/s, or more"
             raise invalid(expected + needed, "controller", name, "memory")
         samples = math.ceil(reach / slowest)
         if samples > LINE_SAMPLES_MOST:
             expected = f'expected "map": a period at the slowest speed of scenario {scenario} has {samples} '
-            needed = f"samples, and a delay line at most {LINE_SAMPLES_MOST}"
+            needed = f"samples, but a delay line holds at most {LINE_SAMPLES_MOST}"
             raise invalid(expected + needed, "controller", name, "memory")
         if samples > self.cells:
-            expected = f"expected {samples} or more, the samples of a period at the slowest speed of scenario"
+            expected = (
+                f"expected {samples} or more, the number of samples in a period at the slowest speed of "
+                "scenario"
+            )
             raise invalid(f"{expected} {scenario}", "controller", name, "cells", value=self.cells)
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:
@@ -241,7 +246,7 @@ def _check_angles(name: str, revolutions: Fraction, ratio: int) -> None:
     longest = int(ANGLE_MAX / (TURN * ratio))
     if revolutions.numerator > longest:
         raise invalid(
-            f"expected a whole number of periods in at most {longest} revolutions, not only in "
+            f"expected a whole number of periods in at most {longest} revolutions, not in "
             f"{revolutions.numerator}",
             "controller",
             name,

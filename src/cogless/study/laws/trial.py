@@ -187,7 +187,7 @@ class StateIlc(FilteredLaw):
     def check_trials(self, study: StudyOfTrials, name: str) -> None:
         n = study.states
         if self.K_stab is not None and len(self.K_stab) != n:
-            raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")
+            raise invalid(f"expected {n} numbers, one for each state", "controller", name, "K_stab")
         super().check_trials(study, name)
 
 
@@ -273,11 +273,11 @@ def _check_cutoff(study: StudyOfTrials, cutoff: float, *path: str) -> None:
 def _check_state_gains(study: StudyOfTrials, law: TrialIlc | NormOptimalIlc, name: str) -> None:
     """Refuse a number of gains, or else of state weights, that doesn't suit states and integrator."""
     n = study.states
-    whole = f"expected {n + 1} numbers: one a state, and the integrator's"
+    whole = f"expected {n + 1} numbers: one for each state, and one for the integrator"
     if law.K_s is not None and len(law.K_s) not in ((n + 1,) if law.integral else (n, n + 1)):
         raise invalid(whole, "controller", name, "K_s")
     if law.K_s is None and law.integral and len(study.design.state_weight) == n:
-        raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
+        raise invalid(f'{whole} of controller "{name}"', "design", "state_weight")
 
 
 AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | PythonLaw | LibraryLaw
