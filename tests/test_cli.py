@@ -458,7 +458,7 @@ def test_a_library_that_exits_says_so(tmp_path: Path, params: list[int]) -> None
     assert (ended.returncode, ended.stderr) == (2, f"{tmp_path / 'law.so'}: {why}\n")
 
 
-WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
+WRITING = "Interrupted: cogless is writing the results. Press Ctrl-C again to stop at once without results.\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
@@ -878,7 +878,7 @@ def test_identify_takes_logs_and_what_is_known(capsys: pytest.CaptureFixture[str
     assert (code, out, err) == (
         2,
         "",
-        "identify: expected logs, with --config FILE or --drive NAME; or without logs --plan STUDY\n",
+        "identify: expected logs with --config FILE or --drive NAME, or --plan STUDY without logs\n",
     )
 
 

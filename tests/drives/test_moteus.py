@@ -75,7 +75,7 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
     assert f"Next: cogless table {tmp_path / 'found'} --to moteus -o FILE\n  or: cogless run" in out
-    assert "by its first lines moteus, a log of " in out
+    assert "its first lines are those of moteus, a log of " in out
     values = json.loads((tmp_path / "found" / "identified.json").read_text())
     for key, truth in (("j", drive.plant.inertia), ("c", drive.plant.coulomb), ("b", drive.plant.viscous)):
         told = values["values"][key]
@@ -278,7 +278,7 @@ def test_a_table_needs_the_index(firmware: str, tmp_path: Path, capsys: pytest.C
     dump = Moteus().dump(tmp_path / "dump.cfg", **changes)
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
-    assert "No table can be placed, since " in out and "cogless table" not in out
+    assert "No cogging table can be placed on the rotor, since " in out and "cogless table" not in out
     code, _, err = cogless(capsys, "table", tmp_path / "found", "--to", "moteus")
     assert code == 2 and len(lines_of(err)) == 1
     expected = (
@@ -361,7 +361,7 @@ def test_a_channel_that_ends_early_is_told_and_used_up_to_there(
 
 def test_the_drives_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = cogless(capsys, "drives")
-    assert code == 0 and "moteus" in out and "verified in its source" in out
+    assert code == 0 and "moteus" in out and "verified in the drive's source" in out
 
 
 def test_a_file_beside_the_drive_adds_and_replaces(tmp_path: Path) -> None:

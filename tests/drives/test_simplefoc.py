@@ -111,7 +111,11 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     command = ["identify", *files, "--drive-config", logs / "monitor.toml", "-o", tmp_path / "found"]
     code, out, err = cogless(capsys, *command)
     assert (code, err) == (0, "")
-    assert "by its first lines SimpleFOC" in out and "1 lines that do not fit" in out and "2 ms apart" in out
+    assert (
+        "its first lines are those of SimpleFOC" in out
+        and "1 lines that do not fit" in out
+        and "2 ms apart" in out
+    )
     header = tmp_path / "cogging.h"
     code, out, err = cogless(capsys, "table", tmp_path / "found", "--to", "simplefoc", "-o", header)
     assert (code, err) == (0, "") and "COGGING_SHARE" in out
@@ -198,7 +202,7 @@ def test_what_the_library_prints_at_its_start_is_left_out(
     start = "MOT: Monitor enabled!\r\nMOT: sensor_direction==CCW\r\nMOT: Zero elec. angle: 3.21\r\n"
     log.write_text(start + (logs / "slow.txt").read_text())
     prepared = prepare([log], None, config, None)
-    assert "log.txt: by its first lines SimpleFOC, lines of its monitor" in prepared.remarks[0]
+    assert "log.txt: its first lines are those of SimpleFOC, lines of its monitor" in prepared.remarks[0]
     rows = [line.split("\t") for line in log.read_text().splitlines() if line.count("\t") == 3]
     volts = (f"{a}\t{1e-3 * float(b):.4f}\t{c}\t{d}" for a, b, c, d in rows)
     log.write_text("\n".join(volts) + "\n")

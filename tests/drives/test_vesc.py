@@ -96,7 +96,7 @@ def test_inertia_and_friction_come_out(
     folder = tmp_path / "found"
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", config, "-o", folder)
     assert (code, err) == (0, "")
-    assert "by its first lines VESC, a log of real-time data" in out
+    assert "its first lines are those of VESC, a log of real-time data" in out
     assert "50 rows a second of mean currents, at " in out
     assert ("so no order has a place on the rotor" in out) == (not encoder)
     assert (

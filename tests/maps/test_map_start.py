@@ -73,7 +73,7 @@ def test_a_current_becomes_the_laws_own_unit_in_its_first_channel() -> None:
     both = stored([wave(64), 2 * wave(64)], (2, 3), ratio=4)
     taken = entries(both, law(64, (2, 3), ratio=4), 2.5)
     assert taken == pytest.approx(np.array([wave(64), 2 * wave(64)]), abs=1e-6)
-    with pytest.raises(MapError, match=r": expected one of this law's kind, or of a current alone$"):
+    with pytest.raises(MapError, match=r": expected a map of this law's kind, or of a current only$"):
         entries(both, law(64, (2, 3), ratio=1), 2.5)
     alone = entries(stored(wave(64), ratio=4), law(64, ratio=1), 2.5)
     assert alone == pytest.approx(wave(64)[None], abs=1e-6)  # one channel of its own unit

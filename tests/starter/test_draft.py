@@ -547,8 +547,8 @@ def test_a_resistance_is_doubted_by_the_torque_that_it_means(tmp_path: Path) -> 
     numbers = {"pole_pairs": 1, "kv": 907, "resistance": 0.611, "bits": 12, "speed": 3000}
     (doubt,) = draft(request("own", "generic", "absolute", **numbers), "Mine", tmp_path / "mine.toml").doubts
     words = re.fullmatch(
-        r'--resistance: "0.611 ohm": so wound, the motor has a torque of about ([0-9.]+) mN\*m; '
-        r"if yours has another, give --rated-torque, or perhaps you mean 0.611 mohm",
+        r'--resistance: "0.611 ohm": with this resistance the motor has a torque of about ([0-9.]+) mN\*m; '
+        r"if yours has another torque, give --rated-torque, or perhaps you mean 0.611 mohm",
         doubt,
     )
     assert words is not None and 20 < float(words[1]) < 60

@@ -76,7 +76,7 @@ def test_the_other_commands_of_the_guide_write_a_study(
 
 def test_a_file_is_replaced_by_force_only(unranked: None, capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine.toml").write_text("mine", encoding="utf-8")
-    line = "mine.toml: the file exists: expected a new name, or --force\n"
+    line = "mine.toml: the file exists: expected a new name, or --force to replace the file\n"
     for name in ("mine", "mine.toml"):
         assert cogless(capsys, "new", name, *SHORT) == (2, "", line)
     assert Path("mine.toml").read_text(encoding="utf-8") == "mine"
