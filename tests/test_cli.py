@@ -800,7 +800,7 @@ targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value
 """
     code, out, err = cogless(capsys, "calibrate", studies.write(tmp_path, studies.BASE + calibration))
     assert (code, err) == (130, "Interrupted.\n")
-    assert "# interrupted; the best fit so far is off by " in out
+    assert "# interrupted; deviation of the best fit so far: " in out
     assert 'motor.cogging.0.torque = "' in out
 
 
@@ -822,7 +822,7 @@ def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
     *lines, blank, _, row = out.splitlines()
     assert row.split() == ["low/pi", "speed_ripple", "1.91", "rpm", "2.387", "rpm", "+25.0", "%"]
     assert blank == "" and lines == [
-        "# fitted to 1.23 % (rms of the deviations)",
+        "# deviation of the fit: 1.23 % (rms of all targets)",
         'mechanics.inertia = "2 g*m^2"  # was "1 g*m^2"',
     ]
 
@@ -867,7 +867,7 @@ def test_a_plan_takes_no_logs(capsys: pytest.CaptureFixture[str], beside: list[s
     code, out, err = cogless(capsys, "identify", *beside, "--plan", "motor.toml")
     assert (code, out) == (2, "")
     assert err == (
-        f"identify: --plan motor.toml: expected no logs and no --config beside it, got {got}: "
+        f"identify: --plan motor.toml: expected neither logs nor --config, but got {got}: "
         "a plan says what to record; identify the logs afterwards\n"
     )
 

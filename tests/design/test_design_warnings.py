@@ -173,8 +173,8 @@ def test_missing_slots_are_refused_before_anything_runs(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(text, encoding="utf-8")
     told = (
-        "motor.slots: missing: expected the number of slots, or controller.harmonic.base, for the "
-        "orders to learn"
+        "motor.slots: missing: expected the number of slots, or controller.harmonic.base: they "
+        "give the orders to learn"
     )
     with pytest.raises(StudyError) as error:
         load(path)

@@ -93,7 +93,7 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
     [
         (
             ["--from", "csv", "--to", "moteus"],
-            "the rotor angle of the table's first entry is unknown: its angle does not count from ",
+            "the rotor angle of the table's first entry is unknown: its angle does not start at ",
         ),
         (
             ["--from", "csv", "--to", "motus"],

@@ -96,7 +96,9 @@ def test_a_log_is_used_up_to_a_fault_which_is_named(
     drive: Callable[[Path, Flags], DriveLogs], flags: Flags, says: str, rows: int, tmp_path: Path
 ) -> None:
     logs = drive(tmp_path, flags)
-    assert any(says in line and "the log is used up to there" in line for line in lines(logs)), lines(logs)
+    assert any(says in line and "the log is used up to this time" in line for line in lines(logs)), lines(
+        logs
+    )
     (recording,) = logs.recordings
     assert {len(values) for values in recording.signals.values()} == {rows}
 

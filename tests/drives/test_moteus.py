@@ -249,7 +249,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
     other.write_text("a,b\n1,2\n")
     out = ["-o", tmp_path / "out"]
     cases = {
-        (stats,): f"{stats}: a moteus log: expected --drive-config FILE beside it, the dump of moteus_tool",
+        (stats,): f"{stats}: a log of moteus: expected --drive-config FILE with the dump of moteus_tool",
         (
             place,
             "--drive-config",
@@ -296,7 +296,7 @@ def test_a_table_that_is_on_is_told(tmp_path: Path, capsys: pytest.CaptureFixtur
     dump = drive.dump(tmp_path / "dump.cfg")
     files = [file for pair in logs for file in pair]
     code, out, _ = cogless(capsys, "identify", *files, "--drive-config", dump, "-o", tmp_path / "found")
-    assert code == 0 and f"{dump}: it has a cogging table" in out
+    assert code == 0 and f"{dump}: the drive has a cogging table" in out
     cogless(capsys, "table", tmp_path / "found", "--to", "moteus", "-o", tmp_path / "cogging.cfg")
     mine = left_by(1, (tmp_path / "cogging.cfg").read_text())
     assert mine < 0.1 * left_by(1, "")
@@ -383,7 +383,7 @@ def test_a_file_beside_the_drive_adds_and_replaces(tmp_path: Path) -> None:
     }
     older = Moteus().dump(tmp_path / "older.cfg", motor__Kv="", motor__v_per_hz="0.2")
     assert prepare(logs, "moteus", older, more).identification.motor.star().K_t == pytest.approx(0.04)
-    with pytest.raises(StudyError, match=r"older.cfg: motor: expected one of psi_f = .*kv = "):
+    with pytest.raises(StudyError, match=r"older.cfg: motor: expected a constant of the magnet, .*kv = "):
         prepare(logs, "moteus", older, None)
     more.write_text('columns = { t = "time" }\n')
     with pytest.raises(StudyError, match=f"{more}: columns: expected one of title, motor, drive, .*moteus"):

@@ -274,7 +274,7 @@ MISTAKES = {
     ),
     ('"0.06 A/rpm"', '"0.01 A/rpm"'): (
         'tune.keys.controller.pi.kp: ["0.005 A/rpm", "0.01 A/rpm"]: '
-        'expected a range with the study\'s own value, "0.015 A/rpm"'
+        'expected a range that contains the study\'s own value, "0.015 A/rpm"'
     ),
     (
         '"0.06 A/rpm"',

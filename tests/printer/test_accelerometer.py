@@ -167,7 +167,7 @@ def test_from_the_study_s_logs_to_a_study_with_little_ripple(
 ) -> None:
     """Coefficients against the closed forms of the study's errors, and the ripple that the guide names."""
     folder, _, found = closed_loop
-    assert "Friction, if order 4 is detent" in found
+    assert "Friction, if order 4 comes from the detent" in found
     contents = json.loads((folder / "found" / "correction.json").read_text())
     for direction, sign in SIGNS.items():
         psi = closed_form(study_axes(1), sign, 0.1)

@@ -135,7 +135,7 @@ def test_another_current_is_warned_of(tmp_path: Path, capsys: pytest.CaptureFixt
     ("options", "line"),
     [
         (["--to", "prusa", "--reverse"], "--reverse: expected no such option with --to prusa"),
-        (["--to", "klipper"], "--to: klipper: takes no table: it has no correction of its own"),
+        (["--to", "klipper"], "--to: klipper: takes no table: Klipper has no correction of its own"),
         (["--to", "moteus", "--current", "1 A"], "--current: expected no such option with --to moteus"),
         (["--to", "prusa", "--current", "1 V"], '--current: "1 V": expected a current'),
     ],

@@ -179,7 +179,9 @@ def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None
     found = learned_map.entries(electrical, {**OWN, "units": (4,), "values": np.zeros((1, 192))}, -2.0)
     np.testing.assert_allclose(found[0], -2.0 * np.cos(3 * 2 * np.pi / 192 * np.arange(192)), atol=1e-6)
     short = {**OWN, "parts": 3}
-    with pytest.raises(MapError, match="a map over a revolution: expected one that fits into the law's 1/3"):
+    with pytest.raises(
+        MapError, match="a map over a revolution: expected a period that fits into the law's, 1/3"
+    ):
         learned_map.entries(stored(WAVE), short, 1.0)
     with pytest.raises(MapError, match="a map over 1/2 of a revolution: expected"):
         learned_map.entries(replace(electrical, parts=2), short, 1.0)
@@ -190,13 +192,17 @@ def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None
     [
         (stored(WAVE, turns=0, parts=0), OWN, "a trial's signal: expected a map over the angle"),
         (stored(8 * WAVE), OWN, "an entry of 5.6.*: expected at most the law's limit, 3$"),
-        (stored(WAVE[:16]), AFC, "16 entries, orders up to 7: expected the law's 9$"),
-        (stored(WAVE, (4,)), OWN, "a map of acceleration: expected one of this law's kind, or of a current"),
+        (stored(WAVE[:16]), AFC, "16 entries, orders up to 7: expected orders up to the law's 9$"),
+        (
+            stored(WAVE, (4,)),
+            OWN,
+            "a map of acceleration: expected a map of this law's kind, or of a current",
+        ),
         (stored([WAVE, WAVE], (1, 2)), OWN, "a map of current and current per speed: expected one"),
         (
             stored([WAVE, WAVE], (1, 2), ratio=4),
             {**OWN, "units": (1, 2), "limits": [3.0, 3.0], "values": np.zeros((2, 64))},
-            "a map of current and current per speed: expected one of this law's kind",
+            "a map of current and current per speed: expected a map of this law's kind",
         ),
     ],
 )

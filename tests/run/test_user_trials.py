@@ -147,7 +147,8 @@ def test_a_fault_hits_one_trial_and_learning_goes_on(tmp_path: Path) -> None:
         ("DRIVE", {"kind": "angle-stuck", "time": "6 s", "duration": "1 s"},
             'scenario.move.faults.0.time: "6 s": expected a time within the scenario\'s 6 s'),
         ("DRIVE", {"kind": "bus-voltage", "time": "1 s", "duration": "1 s", "voltage": "9 V"},
-            'faults.0.kind: "bus-voltage": expected a fault of the angle: an ideal current loop measures no'),
+            'faults.0.kind: "bus-voltage": expected a fault of the angle, since an ideal current loop '
+            'measures no'),
         ("LINEAR", {"kind": "angle-stuck", "time": "1 s", "duration": "1 s"},
             "scenario.cycle.faults: ...: expected no faults, since a linear plant has no drive"),
     ],

@@ -185,7 +185,7 @@ def test_an_order_that_neither_base_learns_is_named(tmp_path: Path) -> None:
     """24 slots and 22 poles have order 264; base 2 with 128 orders ends at 256."""
     of = request("gimbal", "simplefoc", "as5048", pole_pairs=11, slots=24, resistance=11.1, kv=24)
     made, study = written(tmp_path, of)
-    assert "base 2 learns the orders of the cogging but 264, base " in " ".join(made.text.split())
+    assert "base 2 learns all orders of the cogging but 264, base " in " ".join(made.text.split())
     for base, orders, missing in ((2, "2, 4 to 256", 264), (6, "6, 12 to 768", 22)):
         (remark,) = warnings(changed(study, {"controller.harmonic.base": base}), "slow", "harmonic")
         learns = f"it learns orders {orders}, but the cogging has order {missing}"
@@ -428,7 +428,8 @@ def test_answers_that_do_not_go_together(tmp_path: Path, numbers: dict[str, obje
     ("numbers", "message"),
     [
         ({"step_angle": 1.7},
-         '--step-angle: "1.7 deg": expected 360 deg over four times the teeth, such as 1.8 deg'),
+         '--step-angle: "1.7 deg": expected 360 deg divided by four times the number of teeth, such as 1.8 '
+         'deg'),
         ({"kv": 100}, '--kv: "100 rpm/V": expected no such option, unless the motor has three phases'),
     ],
 )  # fmt: skip

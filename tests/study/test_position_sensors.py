@@ -108,8 +108,9 @@ def test_a_law_elsewhere_is_not_exported_with_the_drive(tmp_path: Path, changes:
     with pytest.raises(StudyError) as error:
         prepare_whole(study, "low", "pi")
     assert str(error.value).endswith(
-        "study.toml: drive.bus: the law runs apart from the drive, across the field bus: expected no "
-        "drive.bus, to export law and drive as one"
+        "study.toml: drive.bus: behind a field bus the law runs apart from the drive: expected no drive.bus, "
+        "since the export has both in "
+        "one"
     )
 
 

@@ -56,9 +56,9 @@ def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> Non
     """
     period = f"{1 / rate:g} s (one period of the current loop)"
     if fault.duration * rate < 1 - 1e-9:
-        raise invalid(f"expected {period}, or more", *where, "duration")
+        raise invalid(f"expected at least {period}", *where, "duration")
     if round(fault.time * rate) >= round(end * rate):
-        expected = f"expected a time {period}, or more before the scenario's end at {end:g} s"
+        expected = f"expected a time at least {period} before the scenario's end at {end:g} s"
         raise invalid(expected, *where, "time")
 
 
