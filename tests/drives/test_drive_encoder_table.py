@@ -129,7 +129,7 @@ def test_what_it_cannot_be_made_from_is_one_line(tmp_path: Path, capsys: pytest.
     (none / "identified.json").write_text(json.dumps({"encoder": []}))
     cases = {
         (on, "--to", "moteus"): f"{on}: the logs were recorded with an encoder table",
-        (other, "--to", "moteus"): "is not known: its logs are of odrive: expected logs of moteus",
+        (other, "--to", "moteus"): "is unknown: its logs are of odrive: expected logs of moteus",
         (none, "--to", "moteus"): "encoder: no order: expected logs that show the encoder's error",
         (on, "--to", "odrive"): "--encoder: odrive: expected a drive whose encoder table",
         (foc, "--to", "simplefoc"): "the encoder's own angle is not known: expected sensor_direction = 1",

@@ -202,7 +202,7 @@ def test_files_that_do_not_fit_are_one_line(
             new,
         ): f"{new}: a configuration of firmware 0.6: expected the configuration of the drive "
         f"that recorded {log}, with firmware 0.5",
-        (log,): f"{log}: a log of ODrive: expected --drive-config FILE, the JSON",
+        (log,): f"{log}: a log of ODrive: expected --drive-config FILE with the JSON",
         (log, "--drive-config", config): f"{config}: axis0.motor.config.current_lim or",
         (log, other, "--drive-config", config): f"{log}: axes 0, 1: expected the logs of one axis",
         (untimed, "--drive-config", config): f"{untimed}: expected one column of the time",

@@ -156,7 +156,7 @@ def test_mistakes_on_the_command_line_are_told(tmp_path):
             ["identify", "--plan"],
             "Option '--plan' requires an argument: expected --plan STUDY. See cogless id",
         ),
-        (["identify", "a.csv", "--plan", "uomodri"], "identify: --plan uomodri: expected no logs"),
+        (["identify", "a.csv", "--plan", "uomodri"], "identify: --plan uomodri: expected neither logs"),
         (["identify", "a.csv", "--config", "no.toml"], "no.toml: no such file: expected a TOML file"),
     ):
         done = cogless(*arguments, cwd=tmp_path)

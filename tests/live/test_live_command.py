@@ -93,7 +93,7 @@ def test_a_run_writes_the_page_beside_its_report(capsys, tmp_path):
 @needs
 def test_a_law_that_the_page_leaves_out_is_named(capsys, tmp_path):
     code, _, error = cogless(capsys, "live", small(tmp_path), "-o", tmp_path / "page.html")
-    assert (code, error.splitlines()) == (0, [LEFT_OUT, "Open it in a browser."])
+    assert (code, error.splitlines()) == (0, [LEFT_OUT, "Open this page in a browser."])
 
 
 @needs

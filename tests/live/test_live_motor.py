@@ -330,7 +330,7 @@ def test_a_number_that_is_no_product_is_refused(own):
 
 def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
     with pytest.raises(
-        StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected with"
+        StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected this with"
     ):
         adjustable(small_study, for_own_motor=True)
 

@@ -198,7 +198,7 @@ def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None
             OWN,
             "a map of acceleration: expected a map of this law's kind, or of a current",
         ),
-        (stored([WAVE, WAVE], (1, 2)), OWN, "a map of current and current per speed: expected one"),
+        (stored([WAVE, WAVE], (1, 2)), OWN, "a map of current and current per speed: expected a map"),
         (
             stored([WAVE, WAVE], (1, 2), ratio=4),
             {**OWN, "units": (1, 2), "limits": [3.0, 3.0], "values": np.zeros((2, 64))},
@@ -286,7 +286,7 @@ def test_the_entries_are_the_tables_at_the_cells_angles(tmp_path: Path) -> None:
     found = start_of(tmp_path, "electrical", 'sign = "cogging", frame = "electrical"')
     np.testing.assert_allclose(found["values"][0], -np.cos(2 * np.pi / 128 * np.arange(128)), atol=1e-6)
     with pytest.raises(
-        StudyError, match=r'start\.table: "table\.csv": a map over a revolution: expected one'
+        StudyError, match=r'start\.table: "table\.csv": a map over a revolution: expected a period'
     ):
         start_of(tmp_path, "electrical", 'sign = "cogging"')
 

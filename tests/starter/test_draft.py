@@ -413,7 +413,7 @@ def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
         ({"kv": 80, "back_emf": "33 mV/rpm"},
          '--back-emf: "33 mV/rpm": expected about 0.00884 V/rpm, as --kv 80 rpm/V says; give one of the two'),
         ({"current_rate": "2.5 Hz"}, '--current-rate: "2.5 Hz": expected a whole number of Hz'),
-        ({"bus_voltage": 2}, '--bus-voltage: "2 V": expected 5 to 800 V, which generic bears'),
+        ({"bus_voltage": 2}, '--bus-voltage: "2 V": expected 5 to 800 V, the range of generic'),
         ({"holding_torque": 1},
          '--holding-torque: "1 N*m": expected no such option, unless the motor has two phases, a step motor'),
     ],

@@ -206,7 +206,7 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
         ("--bits 30", '--bits: "30": expected a whole number from 2 to 24'),
         ("--cpr 1001", '--cpr: "1001": expected a multiple of 4, since each line gives four counts'),
         ("--motor gimbal --drive moteus --encoder as5047 --bus-voltage 60",
-         '--bus-voltage: "60 V": expected 10 to 44 V, which moteus bears'),
+         '--bus-voltage: "60 V": expected 10 to 44 V, the range of moteus'),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line(capsys: pytest.CaptureFixture[str], arguments: str, message: str) -> None:
