@@ -163,14 +163,16 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["run", "nowhere.toml"], "nowhere.toml: no such study: expected a file, or one of the shipped: "),
+        (["run", "nowhere.toml"], "nowhere.toml: no such study: expected a file, or one of the shipped "
+                                  "studies: "),
         (["run", "FOLDER"], "FOLDER: is a directory: expected a study file"),
         (["run", "STUDY", "--set", "motor.datasheet=none"],
-            'STUDY: motor.datasheet: "none": no such datasheet: expected a file, or one of the shipped: '),
+            'STUDY: motor.datasheet: "none": no such datasheet: expected a file, or one of the shipped '
+            'motors: '),
         (["run", "STUDY", "--set", "controller.p.kp=1"],
-            "STUDY: controller.p.kp: 1: expected a controller of pi, fair"),
+            "STUDY: controller.p.kp: 1: expected one of the controllers pi, fair"),
         (["run", "STUDY", "--set", "scenario.lo.duration_=1"],
-            "STUDY: scenario.lo.duration_: 1: expected a scenario of low, step"),
+            "STUDY: scenario.lo.duration_: 1: expected one of the scenarios low, step"),
         (["run", "STUDY", "--set", 'metric.0.window=["1 s"]'],
             'STUDY: metric.0.window: ["1 s"]: expected 2 values'),
         (["run", "STUDY", "--set", 'metric.0.window=["1 s", "2 s", "3 s"]'],
@@ -189,7 +191,7 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         (["run", "STUDY", "--set", "kp"], '--set: "kp": expected KEY=VALUE, such as controller.pi.kp=0.02'),
         (["run", "STUDY", "--fast"], "No such option: --fast"),
         (["run", "STUDY", "--only", "a/b"], 'STUDY: --only: "a/b": expected SCENARIO/CONTROLLER of low/pi, '),
-        (["calibrate", "STUDY"], "STUDY: calibration: missing: expected a table of parameters, targets"),
+        (["calibrate", "STUDY"], "STUDY: calibration: missing: expected a table with parameters and targets"),
     ],
 )  # fmt: skip
 def test_a_wrong_command_line(
@@ -456,7 +458,7 @@ def test_a_library_that_exits_says_so(tmp_path: Path, params: list[int]) -> None
     assert (ended.returncode, ended.stderr) == (2, f"{tmp_path / 'law.so'}: {why}\n")
 
 
-WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
+WRITING = "Interrupted: cogless is writing the results. Press Ctrl-C again to stop at once without results.\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
@@ -798,7 +800,7 @@ targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value
 """
     code, out, err = cogless(capsys, "calibrate", studies.write(tmp_path, studies.BASE + calibration))
     assert (code, err) == (130, "Interrupted.\n")
-    assert "# interrupted; the best fit so far is off by " in out
+    assert "# interrupted; deviation of the best fit so far: " in out
     assert 'motor.cogging.0.torque = "' in out
 
 
@@ -820,7 +822,7 @@ def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
     *lines, blank, _, row = out.splitlines()
     assert row.split() == ["low/pi", "speed_ripple", "1.91", "rpm", "2.387", "rpm", "+25.0", "%"]
     assert blank == "" and lines == [
-        "# fitted to 1.23 % (rms of the deviations)",
+        "# deviation of the fit: 1.23 % (rms of all targets)",
         'mechanics.inertia = "2 g*m^2"  # was "1 g*m^2"',
     ]
 
@@ -865,7 +867,7 @@ def test_a_plan_takes_no_logs(capsys: pytest.CaptureFixture[str], beside: list[s
     code, out, err = cogless(capsys, "identify", *beside, "--plan", "motor.toml")
     assert (code, out) == (2, "")
     assert err == (
-        f"identify: --plan motor.toml: expected no logs and no --config beside it, got {got}: "
+        f"identify: --plan motor.toml: expected neither logs nor --config, but got {got}: "
         "a plan says what to record; identify the logs afterwards\n"
     )
 
@@ -876,7 +878,7 @@ def test_identify_takes_logs_and_what_is_known(capsys: pytest.CaptureFixture[str
     assert (code, out, err) == (
         2,
         "",
-        "identify: expected logs, with --config FILE or --drive NAME; or without logs --plan STUDY\n",
+        "identify: expected logs with --config FILE or --drive NAME, or --plan STUDY without logs\n",
     )
 
 

@@ -117,7 +117,7 @@ def test_calibrate(printed: Printed, tmp_path: Path, monkeypatch: pytest.MonkeyP
     fit = calibrate.Fit((changed,), (residual,) * 2, 0.012345, True, load(path))
     monkeypatch.setattr(calibrate, "calibrate", lambda study, progress, jobs: fit)
     out = printed("calibrate", path)
-    assert out.startswith("# fitted to 1.23 % (rms of the deviations)\nmechanics.inertia = ")
+    assert out.startswith("# deviation of the fit: 1.23 % (rms of all targets)\nmechanics.inertia = ")
 
 
 def test_sweep(printed: Printed, tmp_path: Path) -> None:

@@ -52,9 +52,9 @@ def test_texts_become_si(text: str, dimension: units.Dimension, si: float) -> No
 @pytest.mark.parametrize(
     ("text", "dimension", "expected"),
     [
-        ("60", units.ANGULAR_SPEED, 'expected a unit too, such as "60 rpm"'),
-        (19 * "1", units.ANGULAR_SPEED, f'expected a unit too, such as "{19 * "1"} rpm"'),
-        (20 * "1", units.ANGULAR_SPEED, 'expected a unit too, such as "1 rpm"'),
+        ("60", units.ANGULAR_SPEED, 'expected a unit, too, such as "60 rpm"'),
+        (19 * "1", units.ANGULAR_SPEED, f'expected a unit, too, such as "{19 * "1"} rpm"'),
+        (20 * "1", units.ANGULAR_SPEED, 'expected a unit, too, such as "1 rpm"'),
         ("60 rpn", units.ANGULAR_SPEED,
             'expected an angular speed, such as "1 rpm"; the unit "rpn" is not known'),
         ("0,35 ohm", units.RESISTANCE, 'expected a decimal point in place of the comma, such as "1.5 ohm"'),

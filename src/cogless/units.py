@@ -134,7 +134,9 @@ def parse(text: str, dimension: Dimension) -> float:
     if COMMA.match(unit):
         raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.sample('1.5')}")
     if not unit:
-        raise UnitError(f"expected a unit too, such as {dimension.sample(number if len(number) < 20 else 1)}")
+        raise UnitError(
+            f"expected a unit, too, such as {dimension.sample(number if len(number) < 20 else 1)}"
+        )
     value = float(number) * factor(unit, dimension)
     if not math.isfinite(value):
         raise UnitError(f"expected a finite number with a unit, such as {dimension.sample(1)}")

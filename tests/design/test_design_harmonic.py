@@ -62,7 +62,8 @@ def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
     assert (liu.base, liu.orders, liu.fast) == (4, 36, 6)  # 12 slots, 8 poles
     path = studies.write(tmp_path)  # its motor doesn't tell
     expected = (
-        r"motor\.slots: missing: expected the number of slots, or controller\.harmonic\.base, for the orders"
+        r"motor\.slots: missing: expected the number of slots, or controller\.harmonic\.base: they give the "
+        r"orders"
     )
     with pytest.raises(StudyError, match=expected):
         load(path, studies.HARMONIC)
@@ -360,7 +361,9 @@ def test_a_position_is_held_with_less_ripple():
         simulate(here, "twelve-seconds", name).trace["omega_error"][-2000:] for name in ("harmonic", "fair")
     ]
     assert np.std(runs[0]) < 0.5 * np.std(runs[1])
-    with pytest.raises(StudyError, match="expected none, unless position is true and kp and ki are given"):
+    with pytest.raises(
+        StudyError, match="expected no such key, unless position is true and kp and ki are given"
+    ):
         load("verrelli2016", {**own, "controller.harmonic": {**law, "k_theta": "5 1/s"}})
 
 

@@ -47,7 +47,7 @@ def test_a_speed_beyond_the_voltage_is_said_with_the_speed_that_it_reaches():
 
 
 def test_a_step_that_is_too_long_for_an_unreachable_speed_names_the_voltage():
-    expected = r"its voltage turns the motor at 1392 rpm without load, not at 3000$"
+    expected = r"at the bus voltage the motor reaches 1392 rpm without load, not 3000 rpm$"
     with pytest.raises(StudyError, match=expected):
         my_motor(**{"scenario.slow.reference": "3000 rpm"})
     # the step only has to follow what the voltage reaches
@@ -173,8 +173,8 @@ def test_missing_slots_are_refused_before_anything_runs(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(text, encoding="utf-8")
     told = (
-        "motor.slots: missing: expected the number of slots, or controller.harmonic.base, for the "
-        "orders to learn"
+        "motor.slots: missing: expected the number of slots, or controller.harmonic.base: they "
+        "give the orders to learn"
     )
     with pytest.raises(StudyError) as error:
         load(path)
@@ -189,7 +189,10 @@ def test_poles_become_pole_pairs_by_half(tmp_path, poles, half):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(StudyError) as error:
         load(path)
-    assert str(error.value) == f'{path}: motor.poles: {poles}: expected "pole_pairs", half of the poles{half}'
+    assert (
+        str(error.value)
+        == f'{path}: motor.poles: {poles}: expected the key "pole_pairs" instead, half of the poles{half}'
+    )
 
 
 def test_too_many_orders_are_told_with_their_keys_and_the_limit():

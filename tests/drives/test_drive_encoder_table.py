@@ -43,7 +43,7 @@ def test_the_table_takes_the_error_away(
     """The encoder counts `direction` times the identified angle, which reads too much by the error."""
     folder, table = folder_of(tmp_path / "found", direction), tmp_path / "encoder.cfg"
     code, out, err = cogless(capsys, "table", folder, "--to", "moteus", "--encoder", "-o", table)
-    assert (code, err) == (0, "") and "calibrate, then make new logs" in out
+    assert (code, err) == (0, "") and "calibrate, record new logs" in out
     text, rotor = table.read_text(), np.linspace(-7, 7, 600)
     measured = rotor + sum(a * np.sin(n * rotor + p) for n, (a, p) in ERROR.items())
     rest = np.array([direction * corrected(text, direction * angle) for angle in measured]) - rotor
@@ -128,12 +128,12 @@ def test_what_it_cannot_be_made_from_is_one_line(tmp_path: Path, capsys: pytest.
     foc = folder_of(tmp_path / "foc", 1, drive="simplefoc", encoder_lacking="expected sensor_direction = 1")
     (none / "identified.json").write_text(json.dumps({"encoder": []}))
     cases = {
-        (on, "--to", "moteus"): f"{on}: the logs were made with a table of the encoder",
-        (other, "--to", "moteus"): "is not known: its logs are of odrive: expected logs of moteus",
+        (on, "--to", "moteus"): f"{on}: the logs were recorded with an encoder table",
+        (other, "--to", "moteus"): "is unknown: its logs are of odrive: expected logs of moteus",
         (none, "--to", "moteus"): "encoder: no order: expected logs that show the encoder's error",
         (on, "--to", "odrive"): "--encoder: odrive: expected a drive whose encoder table",
         (foc, "--to", "simplefoc"): "the encoder's own angle is not known: expected sensor_direction = 1",
-        (on, "--to", "moteus", "--shift", "1 deg"): "--encoder: expected only SOURCE, --to and -o",
+        (on, "--to", "moteus", "--shift", "1 deg"): "--encoder: expected no other options than --to and -o",
     }
     for arguments, message in cases.items():
         code, _, err = cogless(capsys, "table", *arguments, "--encoder")

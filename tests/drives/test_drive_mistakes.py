@@ -61,7 +61,7 @@ def test_a_log_or_configuration_of_another_drive_is_one_line(
         code, _, err = cogless(capsys, "identify", log, "--drive", drive, "--drive-config", own, *out)
         assert (code, err.count("\n")) == (2, 1), err
         assert (
-            err.startswith(f"{log}: by its first lines {TITLES[other]}, ")
+            err.startswith(f"{log}: its first lines are those of {TITLES[other]}, ")
             and f"expected a log of {TITLES[drive]}" in err
         )
         log, foreign = log_of(drive, tmp_path), configurations[other]
@@ -92,7 +92,7 @@ def test_a_dump_among_the_logs_is_one_line(tmp_path: Path, capsys: pytest.Captur
     """As `cogless identify * --drive-config dump.cfg` names it."""
     log, dump = log_of("moteus", tmp_path), Moteus().dump(tmp_path / "dump.cfg")
     code, _, err = cogless(capsys, "identify", dump, log, "--drive-config", dump, "-o", tmp_path / "out")
-    line = f"{dump}: among the logs and in --drive-config: expected only in --drive-config\n"
+    line = f"{dump}: is among the logs and in --drive-config: expected only in --drive-config\n"
     assert (code, err) == (2, line)
 
 
@@ -113,9 +113,9 @@ def test_firmware_that_takes_no_table_is_one_line(tmp_path: Path) -> None:
 
 def test_a_table_that_was_on_is_one_line(tmp_path: Path) -> None:
     logs, dump = turning(tmp_path, motor__cogging_dq_scale="0.001", motor__cogging_dq_comp__3="9")
-    (line,) = (line for line in read_logs(logs, dump).remarks if "table" in line and "placed" not in line)
-    assert line.startswith(f"{dump}: it has a cogging table, scale 0.001 A: ")
-    assert line.endswith("so a new table replaces it.") and "\n" not in line
+    (line,) = (line for line in read_logs(logs, dump).remarks if "table" in line and "derived" not in line)
+    assert line.startswith(f"{dump}: the drive has a cogging table, scale 0.001 A: ")
+    assert line.endswith("so a new table replaces the old one.") and "\n" not in line
 
 
 def test_an_encoder_behind_a_gear_as_commutation_source_is_one_line(tmp_path: Path) -> None:

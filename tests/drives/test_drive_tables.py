@@ -93,7 +93,7 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
     [
         (
             ["--from", "csv", "--to", "moteus"],
-            "the rotor angle of the table's first entry is not known: its angle does not count from ",
+            "the rotor angle of the table's first entry is unknown: its angle does not start at ",
         ),
         (
             ["--from", "csv", "--to", "motus"],
@@ -102,8 +102,8 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
         (["--from", "csv", "--to", "novanta"], "--to: novanta: takes no table: its table is over the"),
         (["--from", "csv", "--to", "vesc"], "--to: vesc: takes no table: "),
         (["--from", "simplefoc", "--to", "moteus"], "--from: simplefoc: expected a drive whose table"),
-        (["--from", "csv", "--to", "csv", "--shift", "40"], '--shift: "40": expected a unit too'),
-        (["--from", "csv", "--to", "csv", "--reverse"], "--reverse: expected --shift ANGLE too"),
+        (["--from", "csv", "--to", "csv", "--shift", "40"], '--shift: "40": expected a unit, too'),
+        (["--from", "csv", "--to", "csv", "--reverse"], "--reverse: expected --shift ANGLE, too"),
         (["--from", "moteus", "--to", "csv"], "motor.poles: missing: expected the dump"),
         (
             ["--to", "csv"],

@@ -96,7 +96,9 @@ def test_a_log_is_used_up_to_a_fault_which_is_named(
     drive: Callable[[Path, Flags], DriveLogs], flags: Flags, says: str, rows: int, tmp_path: Path
 ) -> None:
     logs = drive(tmp_path, flags)
-    assert any(says in line and "the log is used up to there" in line for line in lines(logs)), lines(logs)
+    assert any(says in line and "the log is used up to this time" in line for line in lines(logs)), lines(
+        logs
+    )
     (recording,) = logs.recordings
     assert {len(values) for values in recording.signals.values()} == {rows}
 
@@ -121,8 +123,8 @@ def test_a_log_without_a_fault_is_whole_and_says_nothing(
 @pytest.mark.parametrize(
     ("drive", "flags", "says"),
     [
-        (moteus, {"mode": late(2000, 11, 10)}, "the mode is 11 in place of 10 from 2 s on"),
-        (odrive, {"axis0.current_state": late(900, 1, 8)}, "the mode is 1 in place of 8 from 1.8"),
+        (moteus, {"mode": late(2000, 11, 10)}, "from 2 s on the mode is 11 instead of 10"),
+        (odrive, {"axis0.current_state": late(900, 1, 8)}, "s on the mode is 1 instead of 8"),
     ],
 )
 def test_a_mode_that_ends_early_is_named(

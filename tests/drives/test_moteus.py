@@ -75,7 +75,7 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
     assert f"Next: cogless table {tmp_path / 'found'} --to moteus -o FILE\n  or: cogless run" in out
-    assert "by its first lines moteus, a log of " in out
+    assert "its first lines are those of moteus, a log of " in out
     values = json.loads((tmp_path / "found" / "identified.json").read_text())
     for key, truth in (("j", drive.plant.inertia), ("c", drive.plant.coulomb), ("b", drive.plant.viscous)):
         told = values["values"][key]
@@ -101,7 +101,8 @@ def ripples_in(out: str) -> dict[int, list[float]]:
     lines = [line for line in out.splitlines() if line.startswith("Ripple at ")]
     number = r"[\d.]+(?:e-?\d+)?"
     pattern = (
-        rf"at (\d+) r/min: ({number}) -> ({number}) .* table; ({number}) with 30 .*, ({number}) with -30"
+        rf"at (\d+) r/min: ({number}) .* ({number}) with the table, ({number}) with 30 .*, ({number}) with "
+        "-30"
     )
     matches = [re.search(pattern, line) for line in lines]
     return {int(match[1]): [float(match[n]) for n in (2, 3, 4, 5)] for match in matches if match}
@@ -249,7 +250,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
     other.write_text("a,b\n1,2\n")
     out = ["-o", tmp_path / "out"]
     cases = {
-        (stats,): f"{stats}: a moteus log: expected --drive-config FILE beside it, the dump of moteus_tool",
+        (stats,): f"{stats}: a log of moteus: expected --drive-config FILE with the dump of moteus_tool",
         (
             place,
             "--drive-config",
@@ -278,7 +279,7 @@ def test_a_table_needs_the_index(firmware: str, tmp_path: Path, capsys: pytest.C
     dump = Moteus().dump(tmp_path / "dump.cfg", **changes)
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
-    assert "No table can be placed, since " in out and "cogless table" not in out
+    assert "No cogging table can be placed on the rotor, since " in out and "cogless table" not in out
     code, _, err = cogless(capsys, "table", tmp_path / "found", "--to", "moteus")
     assert code == 2 and len(lines_of(err)) == 1
     expected = (
@@ -296,7 +297,7 @@ def test_a_table_that_is_on_is_told(tmp_path: Path, capsys: pytest.CaptureFixtur
     dump = drive.dump(tmp_path / "dump.cfg")
     files = [file for pair in logs for file in pair]
     code, out, _ = cogless(capsys, "identify", *files, "--drive-config", dump, "-o", tmp_path / "found")
-    assert code == 0 and f"{dump}: it has a cogging table" in out
+    assert code == 0 and f"{dump}: the drive has a cogging table" in out
     cogless(capsys, "table", tmp_path / "found", "--to", "moteus", "-o", tmp_path / "cogging.cfg")
     mine = left_by(1, (tmp_path / "cogging.cfg").read_text())
     assert mine < 0.1 * left_by(1, "")
@@ -361,7 +362,7 @@ def test_a_channel_that_ends_early_is_told_and_used_up_to_there(
 
 def test_the_drives_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = cogless(capsys, "drives")
-    assert code == 0 and "moteus" in out and "verified in its source" in out
+    assert code == 0 and "moteus" in out and "verified in the drive's source" in out
 
 
 def test_a_file_beside_the_drive_adds_and_replaces(tmp_path: Path) -> None:
@@ -383,7 +384,7 @@ def test_a_file_beside_the_drive_adds_and_replaces(tmp_path: Path) -> None:
     }
     older = Moteus().dump(tmp_path / "older.cfg", motor__Kv="", motor__v_per_hz="0.2")
     assert prepare(logs, "moteus", older, more).identification.motor.star().K_t == pytest.approx(0.04)
-    with pytest.raises(StudyError, match=r"older.cfg: motor: expected one of psi_f = .*kv = "):
+    with pytest.raises(StudyError, match=r"older.cfg: motor: expected a constant of the magnet, .*kv = "):
         prepare(logs, "moteus", older, None)
     more.write_text('columns = { t = "time" }\n')
     with pytest.raises(StudyError, match=f"{more}: columns: expected one of title, motor, drive, .*moteus"):

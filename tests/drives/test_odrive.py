@@ -124,7 +124,7 @@ def test_captures_tell_the_motor(
     folder = tmp_path / "found"
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", config, "-o", folder)
     assert (code, err) == (0, "")
-    assert f"by its first lines ODrive, a capture of firmware {form[:3]}" in out
+    assert f"its first lines are those of ODrive, a capture of firmware {form[:3]}" in out
     values = json.loads((folder / "identified.json").read_text())["values"]
     for key, truth, goal in GOALS:  # one of twenty intervals of 95 % may miss, a goal may not
         off = abs(values[key]["value"] - truth / PLANT.K_t)
@@ -202,7 +202,7 @@ def test_files_that_do_not_fit_are_one_line(
             new,
         ): f"{new}: a configuration of firmware 0.6: expected the configuration of the drive "
         f"that recorded {log}, with firmware 0.5",
-        (log,): f"{log}: a log of ODrive: expected --drive-config FILE, the JSON",
+        (log,): f"{log}: a log of ODrive: expected --drive-config FILE with the JSON",
         (log, "--drive-config", config): f"{config}: axis0.motor.config.current_lim or",
         (log, other, "--drive-config", config): f"{log}: axes 0, 1: expected the logs of one axis",
         (untimed, "--drive-config", config): f"{untimed}: expected one column of the time",
@@ -212,7 +212,7 @@ def test_files_that_do_not_fit_are_one_line(
             "moteus",
             "--drive-config",
             config,
-        ): f"{log}: by its first lines ODrive, a capture of firmware 0.5: expected",
+        ): f"{log}: its first lines are those of ODrive, a capture of firmware 0.5: expected",
         (log, "--drive-config", other): f"{other}: not readable as JSON: expected the JSON of odrivetool",
     }
     for arguments, message in cases.items():

@@ -96,7 +96,7 @@ def test_inertia_and_friction_come_out(
     folder = tmp_path / "found"
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", config, "-o", folder)
     assert (code, err) == (0, "")
-    assert "by its first lines VESC, a log of real-time data" in out
+    assert "its first lines are those of VESC, a log of real-time data" in out
     assert "50 rows a second of mean currents, at " in out
     assert ("so no order has a place on the rotor" in out) == (not encoder)
     assert (
@@ -106,7 +106,7 @@ def test_inertia_and_friction_come_out(
     assert values["j"]["value"] == pytest.approx(PLANT.inertia / PLANT.K_t, rel=0.02)
     assert values["c"]["value"] == pytest.approx(PLANT.coulomb / PLANT.K_t, rel=0.05)
     code, _, err = cogless(capsys, "table", folder, "--to", "vesc")
-    assert code == 2 and "--to: vesc: takes no table: it has no table of cogging" in err
+    assert code == 2 and "--to: vesc: takes no table: VESC has no cogging table" in err
 
 
 def test_a_quarter_of_a_turn_a_second_adds_one_order_and_costs_nothing(

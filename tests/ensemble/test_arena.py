@@ -273,7 +273,9 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     laws = {**LAWS, "robust": {"law": "robust-ilc", "tuning": AUTO}}
     plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
     study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
-    assert absent == {"robust": "this plant's feedback is chosen by hand, and the law has another one"}
+    assert absent == {
+        "robust": "this plant has feedback gains chosen by hand, but the law has another feedback"
+    }
     assert study.controller["bar"].kp == 0.05
     with pytest.raises(
         StudyError, match=r"plant\.drone: expected a law that can use the gains given for this plant$"
@@ -391,14 +393,14 @@ def test_a_plant_without_the_bar_is_named() -> None:
 
 def test_the_table_has_a_row_for_each_law(results: ArenaResults) -> None:
     shown = arena_scores.table(results)
-    assert str(shown.title) == "Times bar, mean over plants" and shown.caption is None
+    assert str(shown.title) == "Multiples of bar, mean over plants" and shown.caption is None
     titles = ("ripple", "orders", "dip", "settling", "time to learn", "copper loss", "chattering")
     titles += ("after a fault", "wrong model", "after an hour")
     assert [str(column.header) for column in shown.columns] == ["law", *titles, "plants"]
     rows = list(zip(*(column.cells for column in shown.columns), strict=True))
     assert [row[0] for row in rows] == ["bar", "pi-ilc", "mine"] and {row[-1] for row in rows} == {"1"}
     least = Scores(arena_scores.to_dict(results)).score("ripple", "pi-ilc")
-    headline = f"pi-ilc leaves the least ripple: {least:.3g} times that of bar, over one plant."
+    headline = f"pi-ilc leaves the least ripple: {least:.3g} times that of bar, on one plant."
     assert arena_scores.headline(results) == headline
     ripples = [row[1] for row in rows]
     assert [str(cell).strip()[-1] == "*" for cell in ripples] == [False, True, False]
@@ -415,7 +417,7 @@ def test_speeds_are_told_in_turns_a_minute_and_all_else_in_si() -> None:
 def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:
     found = run_arena(arena(tmp_path, seeds=[0]), ["drone/pi-ilc"])
     shown = arena_scores.table(found)
-    assert str(shown.caption) == "In no score, since bar was not on it: drone."
+    assert str(shown.caption) == "No score counts plants without bar: drone."
     assert arena_scores.headline(found) == ""
     of_hour = list(SCORE_COLUMNS).index("after_hour")
     told = ["not run" if n == of_hour else "no bar" for n in range(len(SCORE_COLUMNS))]

@@ -263,9 +263,9 @@ WRONG_TABLES = {
         'vary.mechanics.inertia.unifrom: "1 %": expected a known key, perhaps "uniform"'
     ),
     'motor.R_s = { uniform = "1 %", log = "1 %" }': "expected one of uniform, log, normal, corners, list",
-    'mechanics.inertia = { uniform = ["1 %"] }': "expected one number, or two",
+    'mechanics.inertia = { uniform = ["1 %"] }': "expected one number or two numbers",
     "motor.pole_pairs = { list = [] }": "expected one or more",
-    "": "expected one or more, or seeds = true",
+    "": "expected one or more keys that vary, or seeds = true",
     'mechanics.inertia = { uniform = "1 %" }\n'
     'together = [{ keys = ["mechanics.inertia", "x"], correlation = 0.5 }]': (
         'vary.together.0.keys.1: "x": expected one of mechanics.inertia'

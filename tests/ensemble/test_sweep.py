@@ -738,7 +738,7 @@ def test_a_missing_extra_is_one_line(
         capsys, command, studies.write(tmp_path, ensembles.TEXT), "-o", tmp_path / "out"
     )
     assert (code, said) == (2, "")
-    assert err == f"{command}: expected the extra: pip install 'cogless[{command}]'\n"
+    assert err == f"{command}: expected more packages: pip install 'cogless[{command}]'\n"
 
 
 def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:

@@ -274,7 +274,7 @@ MISTAKES = {
     ),
     ('"0.06 A/rpm"', '"0.01 A/rpm"'): (
         'tune.keys.controller.pi.kp: ["0.005 A/rpm", "0.01 A/rpm"]: '
-        'expected a range with the study\'s own value, "0.015 A/rpm"'
+        'expected a range that contains the study\'s own value, "0.015 A/rpm"'
     ),
     (
         '"0.06 A/rpm"',
@@ -282,7 +282,7 @@ MISTAKES = {
     ): 'tune.keys.controller.pi.kp: "0.06 V": expected a number with a unit like "A/rpm"',
     ('controller.pi.ki = ["0.05 A/rpm/s", "2 A/rpm/s"]', 'mechanics.coulomb_friction = ["0 N*m", "1 N*m"]'): (
         'tune.keys.mechanics.coulomb_friction: ["0 N*m", "1 N*m"]: '
-        "expected the key of a value in the study, from which tuning begins"
+        "expected a key that has a value in the study, from which tuning begins"
     ),
     ("variants = 4", 'scenarios = ["high"]'): 'tune.scenarios: "high": expected one of low',
     ("variants = 4", 'hold = [{ metric = "x", limit = 1 }]'): 'tune.hold: "x": expected one of ripple, ',
@@ -333,7 +333,7 @@ def test_files_that_a_tuned_study_names_are_named_from_where_it_stands(tmp_path:
 def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = studies.write(tmp_path, ensembles.TEXT)
     code, _, err = cogless(capsys, "tune", path, "-o", tmp_path)
-    assert (code, err) == (2, f"{path}: tune: missing: expected a table of keys, minimise, ...\n")
+    assert (code, err) == (2, f"{path}: tune: missing: expected a table with keys, minimise, ...\n")
 
 
 def test_a_range_of_a_decade_is_searched_by_ratios() -> None:
@@ -430,11 +430,11 @@ def test_the_outcome_is_told_with_what_it_was(usual: tuning.Tuned) -> None:
         return tuning.outcome_lines(tuning.Tuned(subject, values, before, after, *sweeps))
 
     first = 'controller.pi.kp = "0.02 A/rpm"  # was "0.015 A/rpm"'
-    worth = "of its value before, over 16 fresh variants"
+    worth = "of the value before, over 16 fresh variants"
     assert told(tuning.Score(0, 1.0), tuning.Score(0, 0.876)) == [f"pi: 87.6 % {worth}", first]
     assert told(tuning.Score(0.5, 1.0), tuning.Score(0.25, 0.9))[0] == (
         f"pi: 90.0 % {worth}; limits missed by 50.0 % before, 25.0 % now"
     )
     assert told(tuning.Score(0, 1.0), tuning.Score(0, 1.0))[0] == (
-        f"pi: 100.0 % {worth}; this is no better, so the values stay as they were"
+        f"pi: 100.0 % {worth}; not better, so the values stay as they were"
     )

@@ -525,7 +525,7 @@ def test_an_export_of_what_settles_says_so(tmp_path: Path, capsys: pytest.Captur
     options = ("--controller", "pi-ilc", "--to", "c", "-o", tmp_path / "out")
     assert cogless(capsys, "export", "uomodri", *options)[2] == ""
     assert (
-        "| what `cogless design` says of it | settles; learns up to 25000 rpm |"
+        "| verdict of `cogless design` | settles; learns up to 25000 rpm |"
         in (tmp_path / "out" / "README.md").read_text()
     )
 
@@ -613,7 +613,7 @@ def test_names(controller: str, name: str) -> None:
         (["--controller", "own"], 'STUDY: controller.own.law: "library": is C of your own already: '
             "expected a law of the control library"),
         (["--controller", "none", "--scenario", "step"],
-            'STUDY: scenario: "step": expected one with controller none: low'),
+            'STUDY: scenario: "step": expected a scenario with controller none: low'),
         (["--controller", "pi", "--to", "d"], '--to: "d": expected c'),
     ],
 )  # fmt: skip

@@ -150,13 +150,13 @@ def test_mistakes_on_the_command_line_are_told(tmp_path):
     for arguments, message in (
         (
             ["identify"],
-            "identify: expected logs, with --config FILE or --drive NAME; or without logs --plan STUDY",
+            "identify: expected logs with --config FILE or --drive NAME, or --plan STUDY without logs",
         ),
         (
             ["identify", "--plan"],
             "Option '--plan' requires an argument: expected --plan STUDY. See cogless id",
         ),
-        (["identify", "a.csv", "--plan", "uomodri"], "identify: --plan uomodri: expected no logs"),
+        (["identify", "a.csv", "--plan", "uomodri"], "identify: --plan uomodri: expected neither logs"),
         (["identify", "a.csv", "--config", "no.toml"], "no.toml: no such file: expected a TOML file"),
     ):
         done = cogless(*arguments, cwd=tmp_path)
@@ -187,7 +187,7 @@ def test_the_real_motors_hold_map(tmp_path):
     assert any(line.startswith("One speed only") for line in found["left_out"])
     _, missing = done.stdout.split("\n\nNot in these logs:\n")
     assert missing.startswith("! ") and "\n! One speed only" in f"\n{missing}"
-    assert done.stdout.endswith("Next: cogless identify --plan STUDY, for what to record\n")
+    assert done.stdout.endswith("Next: cogless identify --plan STUDY, which says what to record\n")
 
 
 def test_a_motor_on_hall_sensors_has_no_plan(tmp_path):

@@ -33,7 +33,7 @@ kind = "ripple-rms"
 signal = "omega_m"
 last = "1 s"
 """
-LEFT_OUT = "Left out of the page: Mine: its law is code of its own, which the page doesn't run."
+LEFT_OUT = "Left out of the page: Mine: its law is your own code, which the page doesn't run."
 needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
 
 
@@ -93,7 +93,7 @@ def test_a_run_writes_the_page_beside_its_report(capsys, tmp_path):
 @needs
 def test_a_law_that_the_page_leaves_out_is_named(capsys, tmp_path):
     code, _, error = cogless(capsys, "live", small(tmp_path), "-o", tmp_path / "page.html")
-    assert (code, error.splitlines()) == (0, [LEFT_OUT, "Open it in a browser."])
+    assert (code, error.splitlines()) == (0, [LEFT_OUT, "Open this page in a browser."])
 
 
 @needs
@@ -101,7 +101,7 @@ def test_a_page_of_ones_own_motor_needs_it_in_a_datasheets_words(capsys, tmp_pat
     study = live_studies.study(tmp_path).source.path
     code, _, error = cogless(capsys, "live", study, "--own-motor", "-o", tmp_path / "page.html")
     words = "motor.resistance_line_to_line, motor.inductance_line_to_line, motor.kv"
-    told = f"{study}: {words}: missing: expected with --own-motor, in place of R_s, L_d, L_q, psi_f\n"
+    told = f"{study}: {words}: missing: expected this with --own-motor, in place of R_s, L_d, L_q, psi_f\n"
     assert (code, error) == (2, told) and not (tmp_path / "page.html").exists()
 
 

@@ -221,7 +221,7 @@ def test_a_load_behind_a_shaft_is_told_how_it_gets_a_page():
         adjustable(study, for_own_motor=True)
     expected = "expected a product of powers of the motor's values"
     assert str(error.value).startswith(f"{MY_MOTOR}: --own-motor: controller.config.")
-    assert str(error.value).endswith(f"{expected}; cogless live takes the study without --own-motor")
+    assert str(error.value).endswith(f"{expected}; without --own-motor cogless live accepts the study")
     assert "scenario.slow.reference" in {key.candidate.key for key in adjustable(study).keys}
 
 
@@ -330,7 +330,7 @@ def test_a_number_that_is_no_product_is_refused(own):
 
 def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
     with pytest.raises(
-        StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected with"
+        StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected this with"
     ):
         adjustable(small_study, for_own_motor=True)
 

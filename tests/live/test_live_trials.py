@@ -156,7 +156,7 @@ def test_a_study_that_has_nothing_else_is_refused(tmp_path):
     only = begin + NORM_OPTIMAL + rest[rest.index("[[metric]]") :]
     study = trial_studies.loaded(tmp_path, text=only)
     with pytest.raises(
-        StudyError, match="live: expected a controller that a page can hold: matrix: its learning"
+        StudyError, match="live: expected a controller that can run in a page: matrix: its learning"
     ):
         write(study, tmp_path / "page.html", "cogless run x")
 

@@ -59,7 +59,7 @@ def test_a_map_of_a_shorter_period_is_repeated() -> None:
     assert entries(quarter, law(256), 1.0) == pytest.approx(wave(256, 4)[None], abs=1e-6)
     assert entries(quarter, law(50, turns=1, parts=2), 1.0) == pytest.approx(wave(50, 2)[None], abs=1e-6)
     with pytest.raises(
-        MapError, match=r"^a map over a revolution: expected one that fits into the law's 1/4 of a"
+        MapError, match=r"^a map over a revolution: expected a period that fits into the law's, 1/4 of a"
     ):
         entries(stored(wave(64)), law(parts=4), 1.0)
     with pytest.raises(MapError, match="a trial's signal: expected a map over the angle"):
@@ -73,7 +73,7 @@ def test_a_current_becomes_the_laws_own_unit_in_its_first_channel() -> None:
     both = stored([wave(64), 2 * wave(64)], (2, 3), ratio=4)
     taken = entries(both, law(64, (2, 3), ratio=4), 2.5)
     assert taken == pytest.approx(np.array([wave(64), 2 * wave(64)]), abs=1e-6)
-    with pytest.raises(MapError, match=r": expected one of this law's kind, or of a current alone$"):
+    with pytest.raises(MapError, match=r": expected a map of this law's kind, or of a current only$"):
         entries(both, law(64, (2, 3), ratio=1), 2.5)
     alone = entries(stored(wave(64), ratio=4), law(64, ratio=1), 2.5)
     assert alone == pytest.approx(wave(64)[None], abs=1e-6)  # one channel of its own unit
@@ -94,7 +94,7 @@ def test_orders_have_the_amplitudes_of_the_current() -> None:
     assert found[0] == pytest.approx([0.5 * np.sin(0.4), 0.2])
     assert found[1] == pytest.approx([0.5 * np.cos(0.4), 0.0], abs=1e-12)
     assert of_current(wave(11), ORDERS, 1.0)[0] == pytest.approx([0.5 * np.sin(0.4), 0.2])
-    with pytest.raises(MapError, match=r"^10 entries, orders up to 4: expected the law's 5$"):
+    with pytest.raises(MapError, match=r"^10 entries, orders up to 4: expected orders up to the law's 5$"):
         of_current(wave(10), ORDERS, 1.0)
     kept = stored(found, (COSINE_CODE, SINE_CODE, ORDER_CODE))
     assert entries(kept, ORDERS, 1.0) == pytest.approx(found, abs=1e-6)

@@ -285,7 +285,10 @@ def test_a_missing_emulator_is_one_line(
     ("arguments", "line"),
     [
         (["--compiler", "icc"], '--compiler: "icc": expected gcc or zig\n'),
-        (["--scenario", "x"], 'liu2018.toml: scenario: "x": expected one with controller pi: 900-rpm, '),
+        (
+            ["--scenario", "x"],
+            'liu2018.toml: scenario: "x": expected a scenario with controller pi: 900-rpm, ',
+        ),
     ],
 )
 def test_mistakes(capsys: pytest.CaptureFixture[str], arguments: list[str], line: str) -> None:

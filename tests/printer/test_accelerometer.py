@@ -105,7 +105,8 @@ def test_a_run_is_the_same_with_a_sensor_on_its_carriage() -> None:
                 "scenario.forward-plain": {"duration": "1 s", "reference": "1 rpm", "controllers": ["probe"]},
                 "controller.plain-probe": {"law": "microstepping", "current": "0.8 A"},
             },
-            f'{SENSOR}: expected other names of runs, since two have the log "forward-plain-probe"',
+            f"{SENSOR}: expected other names of scenarios or controllers: two runs have the log "
+            '"forward-plain-probe"',
         ),
         ("printer-ramps", {f"{SENSOR}.logs": 0}, f"{SENSOR}.logs: 0: expected a number of 1 or more"),
     ],
@@ -166,7 +167,7 @@ def test_from_the_study_s_logs_to_a_study_with_little_ripple(
 ) -> None:
     """Coefficients against the closed forms of the study's errors, and the ripple that the guide names."""
     folder, _, found = closed_loop
-    assert "Friction, if order 4 is detent" in found
+    assert "Friction, if order 4 comes from the detent" in found
     contents = json.loads((folder / "found" / "correction.json").read_text())
     for direction, sign in SIGNS.items():
         psi = closed_form(study_axes(1), sign, 0.1)
@@ -193,7 +194,7 @@ def test_a_study_of_trials_refuses_a_sensor(tmp_path: Path) -> None:
     with pytest.raises(StudyError) as refused:
         load(path)
     assert str(refused.value).startswith(f"{path}: {SENSOR}: ")
-    assert str(refused.value).endswith("expected none, in a study of trials")
+    assert str(refused.value).endswith("expected no such key in a study of trials")
 
 
 def test_the_ramps_are_of_the_study_printer_s_axis() -> None:

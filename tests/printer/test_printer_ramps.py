@@ -109,7 +109,7 @@ def test_ramps_take_the_ripple_out(
         code, out, err = cogless(
             capsys, "identify", *logs, "--drive", "klipper", "--drive-config", axis_file, "-o", out_folder
         )
-        assert (code, err) == (0, "") and "Friction, if order 4 is detent" in out
+        assert (code, err) == (0, "") and "Friction, if order 4 comes from the detent" in out
         results = {d: coefficients(out_folder / "correction.json", d) for d in SIGNS}
         for direction, sign in SIGNS.items():
             psi = static_orders(AXES, lane, sign, {}, 0.1)

@@ -37,7 +37,7 @@ def pairs_in(line: str) -> list[tuple[float, float]]:
 def test_m973_is_what_the_firmware_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, target = correction_file(tmp_path / "a"), tmp_path / "table.gcode"
     code, out, err = cogless(capsys, "table", source, "--to", "prusa", "-o", target)
-    assert (code, err) == (0, "") and "of 0.195, where the firmware's table wraps" in out
+    assert (code, err) == (0, "") and "The firmware's table wraps at 0.195 rad" in out
     for line, letter, orders in zip(target.read_text().splitlines(), "FB", (FORWARD, BACKWARD), strict=True):
         assert line.startswith(f"M973 Y{letter}")
         spectrum = [m * np.exp(1j * p) for m, p in pairs_in(line)]
@@ -111,7 +111,7 @@ def test_a_wave_table_holds_the_sine_of_order_4(
         abs(c - (size if n == 4 else 0)) ** 2 for table in (FORWARD, BACKWARD) for n, c in table.items()
     )
     before = sum(abs(c) ** 2 for table in (FORWARD, BACKWARD) for c in table.values())
-    assert out.splitlines()[1].startswith(f"It leaves {np.sqrt(after / before):.0%} of the correction")
+    assert out.splitlines()[1].startswith(f"The table leaves {np.sqrt(after / before):.0%} of the correction")
 
 
 @pytest.mark.parametrize("size", np.linspace(-0.1, 0.1, 9))
@@ -134,9 +134,9 @@ def test_another_current_is_warned_of(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        (["--to", "prusa", "--reverse"], "--reverse: expected none with --to prusa"),
-        (["--to", "klipper"], "--to: klipper: takes no table: it has no correction of its own"),
-        (["--to", "moteus", "--current", "1 A"], "--current: expected none with --to moteus"),
+        (["--to", "prusa", "--reverse"], "--reverse: expected no such option with --to prusa"),
+        (["--to", "klipper"], "--to: klipper: takes no table: Klipper has no correction of its own"),
+        (["--to", "moteus", "--current", "1 A"], "--current: expected no such option with --to moteus"),
         (["--to", "prusa", "--current", "1 V"], '--current: "1 V": expected a current'),
     ],
 )

@@ -131,7 +131,9 @@ def test_the_solver_sees_a_parameter_in_units_of_where_it_starts(tmp_path: Path)
 
 
 def test_a_study_without_calibration(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="calibration: missing: expected a table of parameters, targets"):
+    with pytest.raises(
+        StudyError, match="calibration: missing: expected a table with parameters and targets"
+    ):
         calibrate(studies.study(tmp_path))
 
 

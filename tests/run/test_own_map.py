@@ -408,13 +408,13 @@ BOTH = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
 @pytest.mark.parametrize(
     ("law", "given", "expected"),
     [
-        (LAWS["orders"], (WAVE, (1,)), "16 entries, orders up to 7: expected the law's 24"),
+        (LAWS["orders"], (WAVE, (1,)), "16 entries, orders up to 7: expected orders up to the law's 24"),
         (LAWS["c"], (9 * SIXTH, (1,)), "an entry of 9: expected at most the law's limit, 3"),
         (LAWS["cells"], (WAVE, (4,)),
-            "a map of acceleration: expected one of this law's kind, or of a current alone"),
+            "a map of acceleration: expected a map of this law's kind, or of a current only"),
         (LAWS["cells"], (WAVE, (1,), 0), "a trial's signal: expected a map over the angle"),
         (LAWS["electrical"], (WAVE, (1,)),
-            "a map over a revolution: expected one that fits into the law's 1/4 of a revolution"),
+            "a map over a revolution: expected a period that fits into the law's, 1/4 of a revolution"),
         ({"object": "law.py:Plain"}, (WAVE, (1,)),
             "expected a class with the methods learned_map() and load_map(learned)"),
         ({"object": "law.py:Out"}, (WAVE, (1,)), "the class has no method load_map(learned)"),

@@ -125,11 +125,11 @@ def test_what_is_learned_stands_beside_all_trials_without_learning(
     ("text", "changes", "line"),
     [
         (DRIVE, {f"{MOVE}.each_trial.normal.initial_state": [0.1, 0.1]},
-            "initial_state: {value}: expected none, of a drive"),
+            "initial_state: {value}: expected no such key for a drive"),
         (LINEAR, {f"{CYCLE}.each_trial.normal.initial_angle": "0.1 rad"},
-            "initial_angle: {value}: expected none, of a linear plant"),
+            "initial_angle: {value}: expected no such key for a linear plant"),
         (LINEAR, {f"{CYCLE}.each_trial.normal.initial_state": [0.1]},
-            "initial_state: {value}: expected 2 numbers, one a state"),
+            "initial_state: {value}: expected 2 numbers, one for each state"),
         (LINEAR, {f"{CYCLE}.each_trial.uniform.load": "1 N*m"},
             "load: {value}: expected a number in the unit of u"),
         (DRIVE, {f"{MOVE}.each_trial.uniform.load": 1.0},
@@ -137,9 +137,10 @@ def test_what_is_learned_stands_beside_all_trials_without_learning(
         (DRIVE, {f"{MOVE}.each_trial.uniform.load": "-1 N*m"},
             'load: {value}: expected a torque of zero or more, such as "1 N*m"'),
         (DRIVE, {f"{MOVE}.each_trial.normal.initial_angle": "0.7 rad"},
-            "initial_angle: {value}: expected starts less than half a turn from where the reference begins, "
-            "0 rad: the sensor doesn't tell turns"),
-        (LINEAR, {"plant.noise": [0.1]}, "plant.noise: {value}: expected 2 numbers, one a state"),
+            "initial_angle: {value}: expected deviations that keep the start less than half a turn from "
+            "where the reference begins, "
+            "0 rad: the sensor doesn't count turns"),
+        (LINEAR, {"plant.noise": [0.1]}, "plant.noise: {value}: expected 2 numbers, one for each state"),
         (LINEAR, {"plant.load_noise": -1.0}, "plant.load_noise: {value}: expected a number of 0 or more"),
     ],
 )  # fmt: skip
@@ -155,7 +156,9 @@ def test_a_mistake_is_one_line(tmp_path: Path, text: str, changes: dict[str, Any
 
 def test_a_key_has_one_form(tmp_path: Path) -> None:
     both = {"normal": {"load": "1 N*m"}, "uniform": {"load": "1 N*m"}}
-    with pytest.raises(StudyError, match=r"each_trial.uniform.load: .*expected none, since normal has it"):
+    with pytest.raises(
+        StudyError, match=r"each_trial.uniform.load: .*expected no such key, since normal has it, too"
+    ):
         trial_studies.loaded(tmp_path, {f"{MOVE}.each_trial": both})
 
 

@@ -113,7 +113,9 @@ def test_it_has_no_map_to_store_or_to_start_from(tmp_path: Path) -> None:
     assert run.map is None and not run.memory
     with pytest.raises(StudyError) as refused:
         own(tmp_path, {"controller.own": OWN["controller.own"] | {"start": {"map": "a.bin"}}})
-    expected = "expected none: what is learned from trial to trial belongs to their reference"
+    expected = (
+        "expected no such key: what is learned from trial to trial fits only the reference of these trials"
+    )
     assert str(refused.value).endswith(f"controller.own.start: {expected}")
 
 
@@ -145,9 +147,10 @@ def test_a_fault_hits_one_trial_and_learning_goes_on(tmp_path: Path) -> None:
         ("DRIVE", {"kind": "angle-stuck", "time": "6 s", "duration": "1 s"},
             'scenario.move.faults.0.time: "6 s": expected a time within the scenario\'s 6 s'),
         ("DRIVE", {"kind": "bus-voltage", "time": "1 s", "duration": "1 s", "voltage": "9 V"},
-            'faults.0.kind: "bus-voltage": expected a fault of the angle: an ideal current loop measures no'),
+            'faults.0.kind: "bus-voltage": expected a fault of the angle, since an ideal current loop '
+            'measures no'),
         ("LINEAR", {"kind": "angle-stuck", "time": "1 s", "duration": "1 s"},
-            "scenario.cycle.faults: ...: expected none, of a drive"),
+            "scenario.cycle.faults: ...: expected no faults, since a linear plant has no drive"),
     ],
 )  # fmt: skip
 def test_a_fault_that_can_not_be_is_one_line(

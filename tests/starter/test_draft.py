@@ -185,7 +185,7 @@ def test_an_order_that_neither_base_learns_is_named(tmp_path: Path) -> None:
     """24 slots and 22 poles have order 264; base 2 with 128 orders ends at 256."""
     of = request("gimbal", "simplefoc", "as5048", pole_pairs=11, slots=24, resistance=11.1, kv=24)
     made, study = written(tmp_path, of)
-    assert "base 2 learns the orders of the cogging but 264, base " in " ".join(made.text.split())
+    assert "base 2 learns all orders of the cogging but 264, base " in " ".join(made.text.split())
     for base, orders, missing in ((2, "2, 4 to 256", 264), (6, "6, 12 to 768", 22)):
         (remark,) = warnings(changed(study, {"controller.harmonic.base": base}), "slow", "harmonic")
         learns = f"it learns orders {orders}, but the cogging has order {missing}"
@@ -413,9 +413,9 @@ def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
         ({"kv": 80, "back_emf": "33 mV/rpm"},
          '--back-emf: "33 mV/rpm": expected about 0.00884 V/rpm, as --kv 80 rpm/V says; give one of the two'),
         ({"current_rate": "2.5 Hz"}, '--current-rate: "2.5 Hz": expected a whole number of Hz'),
-        ({"bus_voltage": 2}, '--bus-voltage: "2 V": expected 5 to 800 V, which generic bears'),
+        ({"bus_voltage": 2}, '--bus-voltage: "2 V": expected 5 to 800 V, the range of generic'),
         ({"holding_torque": 1},
-         '--holding-torque: "1 N*m": expected none, unless the motor has two phases, a step motor'),
+         '--holding-torque: "1 N*m": expected no such option, unless the motor has two phases, a step motor'),
     ],
 )  # fmt: skip
 def test_answers_that_do_not_go_together(tmp_path: Path, numbers: dict[str, object], message: str) -> None:
@@ -428,8 +428,9 @@ def test_answers_that_do_not_go_together(tmp_path: Path, numbers: dict[str, obje
     ("numbers", "message"),
     [
         ({"step_angle": 1.7},
-         '--step-angle: "1.7 deg": expected 360 deg over four times the teeth, such as 1.8 deg'),
-        ({"kv": 100}, '--kv: "100 rpm/V": expected none, unless the motor has three phases'),
+         '--step-angle: "1.7 deg": expected 360 deg divided by four times the number of teeth, such as 1.8 '
+         'deg'),
+        ({"kv": 100}, '--kv: "100 rpm/V": expected no such option, unless the motor has three phases'),
     ],
 )  # fmt: skip
 def test_answers_that_do_not_go_with_a_step_motor(
@@ -547,8 +548,8 @@ def test_a_resistance_is_doubted_by_the_torque_that_it_means(tmp_path: Path) -> 
     numbers = {"pole_pairs": 1, "kv": 907, "resistance": 0.611, "bits": 12, "speed": 3000}
     (doubt,) = draft(request("own", "generic", "absolute", **numbers), "Mine", tmp_path / "mine.toml").doubts
     words = re.fullmatch(
-        r'--resistance: "0.611 ohm": so wound, the motor has a torque of about ([0-9.]+) mN\*m; '
-        r"if yours has another, give --rated-torque, or perhaps you mean 0.611 mohm",
+        r'--resistance: "0.611 ohm": with this resistance the motor has a torque of about ([0-9.]+) mN\*m; '
+        r"if yours has another torque, give --rated-torque, or perhaps you mean 0.611 mohm",
         doubt,
     )
     assert words is not None and 20 < float(words[1]) < 60

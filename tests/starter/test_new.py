@@ -76,7 +76,7 @@ def test_the_other_commands_of_the_guide_write_a_study(
 
 def test_a_file_is_replaced_by_force_only(unranked: None, capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine.toml").write_text("mine", encoding="utf-8")
-    line = "mine.toml: the file exists: expected a new name, or --force\n"
+    line = "mine.toml: the file exists: expected a new name, or --force to replace the file\n"
     for name in ("mine", "mine.toml"):
         assert cogless(capsys, "new", name, *SHORT) == (2, "", line)
     assert Path("mine.toml").read_text(encoding="utf-8") == "mine"
@@ -190,13 +190,14 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
          '--drive: "stepper": expected one of generic, moteus, odrive, vesc, simplefoc, '
          "since the motor has three phases"),
         ("--motor gimbal --drive odrive --encoder as5047 --cpr 4000",
-         '--cpr: "4000": expected none, unless the encoder is incremental'),
+         '--cpr: "4000": expected no such option, unless the encoder is incremental'),
         ("--motor gimbal --drive odrive --encoder hall --bits 14",
-         '--bits: "14": expected none, unless the encoder is absolute'),
+         '--bits: "14": expected no such option, unless the encoder is absolute'),
         ("--motor uomodri --drive odrive --encoder as5047 --cogging 0.01",
-         '--cogging: "0.01 N*m": expected none, since the datasheet of uomodri has it'),
+         '--cogging: "0.01 N*m": expected no such option, since the datasheet of uomodri has it'),
         ("--motor krishnamurthy2003 --drive stepper --encoder as5047 --holding-torque 1",
-         '--holding-torque: "1 N*m": expected none, since the datasheet of krishnamurthy2003 has it'),
+         '--holding-torque: "1 N*m": expected no such option, since the datasheet of krishnamurthy2003 has '
+         'it'),
         ("--magnets 40", "--magnets: expected --pole-pairs, half the number of magnets: --pole-pairs 20"),
         ("--kv 300V", '--kv: "300V": expected a speed per voltage, such as "1 rpm/V"'),
         ("--kv fast", '--kv: "fast": expected a number in rpm/V, or with its unit, such as "1 rpm/V"'),
@@ -206,7 +207,7 @@ ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
         ("--bits 30", '--bits: "30": expected a whole number from 2 to 24'),
         ("--cpr 1001", '--cpr: "1001": expected a multiple of 4, since each line gives four counts'),
         ("--motor gimbal --drive moteus --encoder as5047 --bus-voltage 60",
-         '--bus-voltage: "60 V": expected 10 to 44 V, which moteus bears'),
+         '--bus-voltage: "60 V": expected 10 to 44 V, the range of moteus'),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line(capsys: pytest.CaptureFixture[str], arguments: str, message: str) -> None:

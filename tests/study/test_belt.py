@@ -82,7 +82,7 @@ RESONANCE = 'expected either resonance, such as "75 Hz", or stiffness, such as "
         ({"resonance": None}, f"resonance: missing: {RESONANCE}"),
         ({"stiffness": "110 N/mm"}, f'resonance: "75 Hz": {RESONANCE}'),
         ({"mass": "500 mm"}, 'mass: "500 mm": expected a mass, such as "1 kg"'),
-        ({"pitch": "2"}, 'pitch: "2": expected a unit too, such as "2 mm"'),
+        ({"pitch": "2"}, 'pitch: "2": expected a unit, too, such as "2 mm"'),
         ({"friction": "3 N*m"}, 'friction: "3 N*m": expected a force, such as "1 N"'),
     ],
 )
@@ -95,7 +95,9 @@ def test_mistakes_are_one_line(tmp_path: Path, change: dict[str, Any], message: 
 def test_a_belt_beside_a_load_side_is_refused(tmp_path: Path) -> None:
     path = studies.write(tmp_path)
     side = {"inertia": "1e-4 kg*m^2", "stiffness": "100 N*m/rad"}
-    with pytest.raises(StudyError, match=r"mechanics\.belt: .*expected none, since there is a load_side$"):
+    with pytest.raises(
+        StudyError, match=r"mechanics\.belt: .*expected no such key, since there is a load_side$"
+    ):
         load(path, {"mechanics.belt": BELT, "mechanics.load_side": side})
 
 
@@ -123,7 +125,7 @@ def test_causes_of_a_ripple_are_sought_without_friction_and_detent(tmp_path: Pat
     ("changes", "message"),
     [
         ({"kind": "carriage-ripple", "signal": "omega_m"}, "expected theta_load or theta_m"),
-        ({"kind": "carriage-ripple", "order": [1]}, 'expected none, since kind is "carriage-ripple"'),
+        ({"kind": "carriage-ripple", "order": [1]}, 'expected no such key, since kind is "carriage-ripple"'),
         ({"kind": "carriage-ripple", "unit": "rpm"}, 'expected a unit of a length, such as "mm"'),
     ],
 )
@@ -137,7 +139,7 @@ def test_a_ripple_of_a_carriage_needs_a_belt_whole_turns_and_rows(tmp_path: Path
     metric["last"] = "0.3 s"
     fast = {"mechanics.belt": BELT, "scenario.low": SCENARIO}
     for changes, message in (
-        ({}, 'kind: "carriage-ripple": expected another kind, or a table mechanics.belt'),
+        ({}, 'kind: "carriage-ripple": expected another kind, or the table mechanics.belt'),
         ({**fast, "trace.rate": "50 Hz"}, "expected another kind, or a trace.rate above 64 Hz"),
         ({**fast, "scenario.low.reference": "10 rpm", "scenario.low.initial_speed": "10 rpm"}, "revolutions"),
     ):

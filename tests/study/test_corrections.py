@@ -37,7 +37,7 @@ def written(message: str) -> dict[str, Any]:
 )
 def test_the_name_of_a_shipped_study_is_told_that_was_probably_meant(name: str, near: str) -> None:
     message = refused(name)
-    assert message.startswith("no such study: expected a file, or one of the shipped: arena, ")
+    assert message.startswith("no such study: expected a file, or one of the shipped studies: arena, ")
     assert message.endswith(f', perhaps "{near}"')
     assert load(near).name == near
 
@@ -54,13 +54,14 @@ def test_a_file_beside_it_may_be_meant_too(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"motor.datasheet": "uomodir"},
-            'motor.datasheet: "uomodir": no such datasheet: expected a file, or one of the shipped: gm5208, '
+            'motor.datasheet: "uomodir": no such datasheet: expected a file, or one of the shipped motors: '
+            'gm5208, '
             'hoverboard, krishnamurthy2003, liu2018, mandra2019, uomodri, perhaps "uomodri"'),
         ({"controller.harmonik.base": 6},
-            'controller.harmonik.base: 6: expected a controller of pi, harmonic, perhaps "harmonic"'),
+            'controller.harmonik.base: 6: expected one of the controllers pi, harmonic, perhaps "harmonic"'),
         ({"scenario.slwo.duration": "3 s"}, None),
         ({"scenario.slwo.load": "3 N*m"},
-            'scenario.slwo.load: "3 N*m": expected a scenario of slow, perhaps "slow"'),
+            'scenario.slwo.load: "3 N*m": expected one of the scenarios slow, perhaps "slow"'),
         ({"scenario.slow.controllers": ["harmonik"]},
             'scenario.slow.controllers.0: "harmonik": expected one of "pi", "harmonic", perhaps "harmonic"'),
         ({"metric.0.scenarios": ["slwo"]},
@@ -193,7 +194,7 @@ def test_a_table_that_nothing_fills_shows_what_to_paste() -> None:
     message = refused(MY_MOTOR, {"controller.table": TABLE})
     assert message == (
         'controller.table: expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, '
-        'tuning = { rule = "auto" }, which gives one, or a start'
+        'tuning = { rule = "auto" } or a start'
     )
     pasted = [tomllib.loads(text) for text in re.findall(r"\w+ = \{.*?\}", message)]
     assert [list(table) for table in pasted] == [["calibration"], ["tuning"]]
@@ -222,16 +223,16 @@ def test_a_table_is_filled_once() -> None:
         ("[scenario.slow]", "[scenario]",
             'scenario.duration: "6 s": expected a table with a name, such as [scenario.slow]'),
         ('reference = "30 rpm"', 'speed = "30 rpm"',
-            'scenario.slow.speed: "30 rpm": expected "reference" in its place'),
+            'scenario.slow.speed: "30 rpm": expected the key "reference" instead'),
         ('kind = "absolute", bits = 17', "bits = 17",
             'drive.position_sensor.kind: missing: expected a kind of sensor, such as "encoder"'),
         ('law = "harmonic"', "", "controller.harmonic.law: missing: expected a law that cogless list shows"),
         ('law = "pi"', "law = pi", ': "law = pi": expected a text in quotes, or a number without a unit'),
-        ("[[metric]]", "[metric]", ": expected an array of tables, [[metric]]"),
+        ("[[metric]]", "[metric]", ": expected an array of tables, written as [[metric]]"),
         ('order = 84, torque = "4 mN*m"', 'order = 84, amplitude = "4 mN*m"',
-            'motor.cogging.0.amplitude: "4 mN*m": expected "torque" in its place'),
+            'motor.cogging.0.amplitude: "4 mN*m": expected the key "torque" instead'),
         ('current_limit = "1.5 A"', 'max_current = "1.5 A"',
-            'drive.current_loop.max_current: "1.5 A": expected "current_limit" in its place'),
+            'drive.current_loop.max_current: "1.5 A": expected the key "current_limit" instead'),
         ('bus_voltage = "24 V"', 'voltage = "24 V"',
             'drive.inverter.voltage: "24 V": expected a known key, perhaps "bus_voltage"'),
         ('coulomb_friction = "3 mN*m"', 'friction = "3 mN*m"',

@@ -175,17 +175,18 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
     [
         ("cogging_table", cogging, {"sign": "on-rotor", "peak": "10.2 mN*m"},
             'peak: "10.2 mN*m": expected about 0.005242 N*m, as the table has; '
-            "peak and peak to peak differ by 2"),
+            "peak and peak to peak differ by a factor of 2"),
         ("cogging_table", cogging, {"sign": "on-rotor", "current_peak": "1 A"},
-            'current_peak: "1 A": expected peak, since the table has a torque'),
+            'current_peak: "1 A": expected the key peak, since the table holds a torque'),
         ("cogging_table", cogging, {}, 'sign: missing: expected one of "on-rotor", "holding"'),
         ("cogging_table", cogging, {"sign": "on-rotor", "orders": [400]},
             "orders: [400]: expected orders up to 359, half the points of the table"),
         ("cogging_table", lambda theta: cogging(theta) + 4e-3, {"sign": "on-rotor"},
             'file: "table.csv": expected a mean of zero, not 1.36 of the rms: '
-            "is friction or an offset in it?"),
+            "perhaps it contains friction or an offset"),
         ("cogging_table", lambda theta: 1e-3 * NOISE, {"sign": "on-rotor"},
-            'file: "table.csv": expected at most 48 orders that leave 2% of the rms, the table takes '),
+            'file: "table.csv": expected 48 orders or fewer that hold all but 2% of the rms, but the table '
+            'needs '),
         ("back_emf_table", phase_voltage, {"between": "phase", "speed": "10 rad/s"},
             'file: "table.csv": line 1: "angle [deg],torque [mN*m]": '
             'expected one column such as "voltage [V]"'),
@@ -205,12 +206,13 @@ def test_mistakes_are_one_line(
         (lambda theta: np.sin(4 * theta) + 1, {}, "file: expected a mean of zero, not 1.41 of the rms"),
         (np.sin, {"orders": [400]}, "orders: expected orders up to 359, half the points"),
         (lambda theta: np.sin(8 * theta), {},
-            "file: expected a fundamental, order 4, of more than 10% of the rms: are pole_pairs and frame"),
+            "file: expected a fundamental (order 4) of more than 10% of the rms: perhaps pole_pairs or "
+            "frame"),
         (lambda theta: np.sin(4 * theta), {"speed": "0 rad/s"}, "speed: expected a speed above zero"),
         (lambda theta: np.sin(4 * theta), {"peak": "2 V"},
             "peak: expected about 1 V, as the table has; peak"),
         (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected about 2 V"),
-        (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
+        (np.zeros_like, {}, "file: expected a fundamental (order 4) of more than 10% of the rms"),
     ],
 )  # fmt: skip
 def test_a_back_emf_table_that_is_not_of_this_motor(
@@ -233,7 +235,7 @@ def test_a_tenth_of_a_back_emf_table_is_the_fundamental_at_least(
     if fine:
         assert star(emf, "back_emf_table").psi_f == pytest.approx(share / 4)
     else:
-        with pytest.raises(ValueError, match="expected a fundamental, order 4"):
+        with pytest.raises(ValueError, match=r"expected a fundamental \(order 4\)"):
             star(emf, "back_emf_table")
 
 
@@ -255,8 +257,8 @@ def test_the_mean_of_a_cogging_table_may_be_a_tenth_of_its_rms(
         ("0.96 mN*m", None),
         ("1.04 mN*m", None),
         ("1.06 mN*m", ""),
-        ("2.15 mN*m", "; peak and peak to peak differ by 2"),
-        ("0.47 mN*m", "; peak and peak to peak differ by 2"),
+        ("2.15 mN*m", "; peak and peak to peak differ by a factor of 2"),
+        ("0.47 mN*m", "; peak and peak to peak differ by a factor of 2"),
         ("3 mN*m", ""),
     ],
 )

@@ -46,7 +46,7 @@ def test_the_winding_is_as_fast_as_its_smaller_inductance() -> None:
     found = rates()
     assert found["the current (R_s / L)"] == pytest.approx(2.0 / 4e-3)
     swing = math.sqrt(0.3 * 4 * 0.05 / (1e-4 * 4e-3))
-    assert found["the speed with the current (K_t, inertia, L)"] == pytest.approx(swing)
+    assert found["the oscillation of speed and current (K_t, inertia, L)"] == pytest.approx(swing)
     other = rates(replace(MOTOR, L_d=5e-3, L_q=4e-3))
     assert other == pytest.approx(found)
     ideal = natural_rates(MOTOR, mechanics(), TOP, electrical=False)
@@ -57,7 +57,7 @@ def test_cogging_and_friction_are_springs_and_dampers_of_the_rotor() -> None:
     cogging = (CoggingTorque(24, 0.002), CoggingTorque(12, -0.001))
     found = rates(replace(MOTOR, cogging=cogging), viscous_friction="5e-3 N*m*s/rad")
     slope = 24 * 2e-3 + 12 * 1e-3
-    assert found["the speed in the cogging torque"] == pytest.approx(math.sqrt(slope / 1e-4))
+    assert found["the oscillation in the cogging torque"] == pytest.approx(math.sqrt(slope / 1e-4))
     assert found["the speed (viscous_friction / inertia)"] == pytest.approx(5e-3 / 1e-4)
 
 
@@ -80,9 +80,9 @@ def test_friction_that_falls_is_steepest_at_the_inflection_of_its_bell() -> None
     found = rates(**stribeck, friction_harmonics=[{**HARMONIC, "torque": "1 mN*m"}])
     w = 0.5 / math.sqrt(2)
     slope = 3e-3 * 2 * w / 0.5**2 * math.exp(-((w / 0.5) ** 2))
-    assert found["the speed with mechanics.stribeck_speed"] == pytest.approx(slope / 1e-4)
+    assert found["the speed under the friction of mechanics.stribeck_speed"] == pytest.approx(slope / 1e-4)
     assert found["mechanics.friction_harmonics at top speed"] == pytest.approx(7 * TOP)
-    assert "the speed with mechanics.stribeck_speed" not in rates()
+    assert "the speed under the friction of mechanics.stribeck_speed" not in rates()
 
 
 def test_a_soft_shaft_swings_with_both_masses() -> None:

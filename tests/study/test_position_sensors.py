@@ -108,8 +108,9 @@ def test_a_law_elsewhere_is_not_exported_with_the_drive(tmp_path: Path, changes:
     with pytest.raises(StudyError) as error:
         prepare_whole(study, "low", "pi")
     assert str(error.value).endswith(
-        "study.toml: drive.bus: the law runs apart from the drive, across the field bus: expected no "
-        "drive.bus, to export law and drive as one"
+        "study.toml: drive.bus: behind a field bus the law runs apart from the drive: expected no drive.bus, "
+        "since the export has both in "
+        "one"
     )
 
 
@@ -129,16 +130,18 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
         ({SENSOR: {**WORD, "speed_method": "observer"}},
             "drive.position_sensor.observer_bandwidth: missing: expected a frequency"),
         ({SENSOR: {**WORD, "speed_method": "M", "window": 3}},
-            'drive.position_sensor.window: 3: expected none, unless speed_method is "average"'),
+            'drive.position_sensor.window: 3: expected no such key, unless speed_method is "average"'),
         ({SENSOR: {**WORD, "latency": "-1 us"}},
             'drive.position_sensor.latency: "-1 us": expected a time of zero or more, such as "1 s"'),
         ({SENSOR: {**WORD, "latency": "7 s"}},
-            'drive.position_sensor.latency: "7 s": expected at most 6.66667 s, 100000 periods of 15000 Hz'),
+            'drive.position_sensor.latency: "7 s": expected at most 6.66667 s, 100000 periods of the current '
+            'loop'),
         ({SENSOR: {**ENCODER, "speed_method": "MT", "latency": "1 us"}},
-            'drive.position_sensor.latency: "1 us": expected none, since the edges are timed'),
+            'drive.position_sensor.latency: "1 us": expected no such key, since the edges are timed'),
         ({SENSOR: {**WORD, "error": [{"order": 100, "amplitude": "1 deg"}]}},
-            'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected orders whose '
-            "amplitudes, each times its order, add up to less than 1 rad, or the angle runs backward"),
+            'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected a sum '
+            "of all order * amplitude below 1 rad: otherwise the measured angle runs "
+            "backward"),
         ({SENSOR: {**WORD, "error": [{"order": 0, "amplitude": "1 deg"}]}},
             "drive.position_sensor.error.0.order: 0: expected a number of 1 or more"),
         ({SENSOR: {**WORD, "error": [{"order": 1, "amplitude": "1 mm"}]}},
@@ -149,15 +152,15 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
             'drive.position_sensor.placement: ["1 deg"]: expected six angles, one for each edge'),
         ({SENSOR: {"kind": "hall", "placement": ["30 deg"] + 5 * ["0 deg"]}},
             'drive.position_sensor.placement: ["30 deg", "0 deg", "0 deg", "0 deg", "0 deg", "0 deg"]: '
-            "expected less than 30 deg each, or edges change places"),
+            "expected less than 30 deg for each edge: otherwise edges change places"),
         ({SENSOR: {"kind": "hall", "edges": 7}},
             "drive.position_sensor.edges: 7: expected a number of 6 or less"),
         ({"drive.speed_filter": "5 kHz"},
-            'drive.speed_filter: "5 kHz": expected at most 4775 Hz, a third of current_loop'),
+            'drive.speed_filter: "5 kHz": expected at most 4775 Hz, a third of rates.current_loop'),
         ({"drive.bus": {"delay": "1 ms"}},
             'drive.bus.delay: "1 ms": expected a known key, perhaps "delay_measured" or "delay_command"'),
         ({"drive.bus": {"jitter": "8 s"}},
-            'drive.bus.jitter: "8 s": expected at most 6.66667 s, 100000 periods of 15000 Hz'),
+            'drive.bus.jitter: "8 s": expected at most 6.66667 s, 100000 periods of the current loop'),
         ({"drive.bus": {"quantum": "1 V"}},
             'drive.bus.quantum: "1 V": expected a current, such as "1 A"'),
     ],
@@ -180,14 +183,16 @@ def test_a_delay_may_be_a_hundred_thousand_periods(tmp_path: Path) -> None:
         ([(a, math.nan if a == 50 else 0.1) for a in range(0, 360, 10)],
             'line 7: "nan": expected a finite error'),
         ([(a, 0.1) for a in range(0, 360, 10) if not 90 < a < 180],
-            "line 11: the next angle comes after 90 deg: expected at most 50 deg, 5 times the usual"),
+            "line 11: the next angle comes after 90 deg: expected at most 50 deg, 5 times the usual spacing"),
         ([(a, 0.01 * a) for a in range(0, 361, 10)],
-            "line 38: the error does not close over the revolution: from the last line to the first it steps "
-            "36 times as far as anywhere else"),
+            "line 38: the error jumps from the last line to the first, "
+            "36 times as far as anywhere else: expected a whole revolution"),
         ([(a, {10: 5.0, 20: -5.0}.get(a, 0.0)) for a in range(0, 360, 10)],
-            "expected an error that never falls as fast as the angle rises"),
+            "expected an error that falls more slowly than the angle rises, or the measured angle runs "
+            "backward"),
         ([(a, 15.0 * (a % 20 == 0)) for a in range(0, 360, 10)],
-            "expected an error that never falls as fast as the angle rises"),
+            "expected an error that falls more slowly than the angle rises, or the measured angle runs "
+            "backward"),
     ],
 )  # fmt: skip
 def test_a_table_that_is_none_is_one_line(tmp_path: Path, rows: list[Any], problem: str) -> None:

@@ -104,7 +104,7 @@ def test_a_third_harmonic_that_turns_backwards_and_the_detent_by_the_coils_own_f
 
 
 TEETH = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
-STEP_ANGLE = 'expected 360 deg over four times the teeth, such as "1.8 deg"'
+STEP_ANGLE = 'expected 360 deg divided by four times the number of teeth, such as "1.8 deg"'
 MAGNET = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
 
 
@@ -121,7 +121,7 @@ MAGNET = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4
             'as "1.5 A"'),
         ({"holding_torque": None}, f"L_m: missing: {MAGNET}"),
         ({"L_m": ["5 mH"]}, f'L_m: ["5 mH"]: {MAGNET}'),
-        ({"L_f": ["5 mH"]}, 'L_f: ["5 mH"]: expected none, since detent_torque is given'),
+        ({"L_f": ["5 mH"]}, 'L_f: ["5 mH"]: expected no such key, since detent_torque is given'),
     ],
 )  # fmt: skip
 def test_words_of_a_step_motor_that_do_not_go_together(
@@ -309,16 +309,16 @@ def test_a_name_is_no_unit(tmp_path: Path) -> None:
     [
         ("time,speed\n0,1\n0,2\n", 'line 3: "0": expected a time after that of the previous line'),
         ("time,speed\n0,1\n1,fast\n",
-            'line 3: "1,fast": expected time in s and speed in rad/s, with a comma between, '
+            'line 3: "1,fast": expected a time in s and a speed in rad/s, with a comma between them, '
             "and decimal points in numbers"),
         ("0,1\n1,nan\n", 'line 2: "nan": expected a finite speed'),
         ("0,1\ninf,2\n", 'line 2: "inf": expected a finite time'),
         ("time;speed\n0;1\n",
-            'line 1: "time;speed": expected two columns, time and speed, with a comma between'),
+            'line 1: "time;speed": expected two columns, time and speed, with a comma between them'),
         ("time,speed [V]\n0,1\n",
             'line 1: "speed [V]": expected a unit of an angular speed, such as "speed [rad/s]"'),
         ("time_Hz,speed\n0,1\n", 'line 1: "time_Hz": expected a unit of a time, such as "time [s]"'),
-        ("time,speed\n", "expected lines of time in s and speed in rad/s"),
+        ("time,speed\n", "expected lines with a time in s and a speed in rad/s"),
         (None, "expected a readable file at speeds.csv"),
     ],
 )  # fmt: skip
@@ -353,14 +353,16 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
     ("changes", "line"),
     [
         ({"controller.pi": {**SPEED, "period": {"of": "electrical", "turns": 3}}},
-            "controller.pi.period: expected a period that fits into a revolution of the rotor, not 0.75 of "
-            "one"),
+            "controller.pi.period: expected a whole number of periods in a revolution of the rotor, not a "
+            "period of 0.75 "
+            "revolutions"),
         ({"controller.pi": {**SPACE, "memory": "delay"},
           "scenario.low.reference": {"offset": "1 rad/s", "amplitude": "1 rad/s", "frequency": "1 Hz"}},
-            'controller.pi.memory: "delay": expected "map": the reference of scenario low comes down to 0 '
-            "rad/s, and a delay line needs omega_min, 0.01 rad/s, or more"),
+            'controller.pi.memory: "delay": expected "map": the reference of scenario low slows down to 0 '
+            "rad/s, but a delay line needs omega_min, 0.01 rad/s, or more"),
         ({"controller.pi": {**SPACE, "memory": "delay", "cells": 100}},
-            "controller.pi.cells: 100: expected 250 or more, the samples of a period at the slowest speed of "
+            "controller.pi.cells: 100: expected 250 or more, the number of samples in a period at the "
+            "slowest speed of "
             "scenario low"),
         ({"controller.pi": {**SPACE, "cells": 65536}},
             "controller.pi.cells: 65536: expected at most 65535, since the memory is a map"),
@@ -368,12 +370,12 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
           "scenario.low.reference": {"speed": "0.1 rad/s"}, "scenario.low.initial_speed": "0.1 rad/s",
           "metric": []},
             'controller.pi.memory: "delay": expected "map": a period at the slowest speed of scenario low '
-            "has 188495560 samples, and a delay line at most 16777216"),
+            "has 188495560 samples, but a delay line holds at most 16777216"),
         ({"controller.pi": {**SPACE, "period": {"parts": 100}}},
-            "controller.pi.period: expected a longer one: at the top speed of scenario low it has 2.5 "
-            "samples, at least 4 are needed"),
+            "controller.pi.period: expected a longer period: at the top speed of scenario low it has 2.5 "
+            "samples, but needs 4"),
         ({"controller.pi": {**SPACE, "q_half_width": 600}},
-            "controller.pi.q_half_width: 600: expected a filter within the 1024 cells of the memory"),
+            "controller.pi.q_half_width: 600: expected a filter that fits into the 1024 cells of the memory"),
         ({"controller.pi": {**SPACE, "omega_min": "0 rad/s"}},
             'controller.pi.omega_min: "0 rad/s": expected an angular speed above zero, such as "1 rad/s"'),
         ({"controller.pi": {**SPEED, "eta_bar": "0 rad/s"}},
@@ -385,8 +387,8 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
             "controller.pi: expected either k_theta and k_omega or tuning, such as "
             '{ rule = "phase-margin", phase_margin = "60 deg" }'),
         ({"controller.pi": {**SPACE, "period": {"of": "mechanical", "turns": 5000}}},
-            "controller.pi.period: expected a whole number of periods in at most 3978 revolutions, not only "
-            "in 5000"),
+            "controller.pi.period: expected a whole number of periods in at most 3978 revolutions, not in "
+            "5000"),
         ({"controller.pi": {**SPACE, "memory": "delay", "cells": 4000, "k_pp": 20000.0}},
             "controller.pi.k_pp: 20000.0: expected less than drive.rates.speed_loop, 1000 Hz"),
         ({"controller.pi": {**SPACE, "beta_limit": 1e300}},
@@ -414,7 +416,7 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
         ({"motor": {**STEP, "L_1": "0.8 mH"}}, 'motor.L_1: "0.8 mH": expected less than L_0'),
         ({"motor": {**STEP, "L_m": []}}, f"motor.L_m: []: {MAGNET}"),
         ({"drive.current_loop": {"kind": "ideal", "current_limit": "3 A"}},
-            "drive.inverter: expected none, since the current loop is ideal"),
+            "drive.inverter: expected no such key, since the current loop is ideal"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: str) -> None:

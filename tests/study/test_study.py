@@ -291,10 +291,11 @@ def test_shipped_studies_and_motors_are_found_by_name(
     monkeypatch.setattr(cogless, "__path__", [str(tmp_path)])
     assert load("mine").title == "A small drive"
     told = studies.refusal(load, "yours")
-    assert told == "yours: no such study: expected a file, or one of the shipped: mine"
+    assert told == "yours: no such study: expected a file, or one of the shipped studies: mine"
     line = studies.refusal(load, "mine", {"motor.datasheet": "liu"}).rpartition("/")[2]
     assert line == (
-        'mine.toml: motor.datasheet: "liu": no such datasheet: expected a file, or one of the shipped: none'
+        'mine.toml: motor.datasheet: "liu": no such datasheet: expected a file, or one of the shipped '
+        "motors: none"
     )
 
 
@@ -519,7 +520,7 @@ def test_saturation_comes_from_csv_files(tmp_path: Path) -> None:
     ("axis", "text", "problem"),
     [
         ("q", "current [A],flux [mWb]\n0,0\n1,30\n1,50",
-            'line 4: "1": expected a current above the previous one'),
+            'line 4: "1": expected a current above that of the previous line'),
         ("q", "current [A],flux [mWb]\n0,0\n1,nan\n2,50", 'line 3: "nan": expected a finite flux'),
         ("q", "current [A],flux [mWb]\n0,0\n1,\n2,50", 'line 3: "": expected a number'),
         ("q", "current [A],flux [mWb]\n0,0\n1\n2,50", 'line 3: "1": expected 2 columns'),
@@ -534,7 +535,7 @@ def test_saturation_comes_from_csv_files(tmp_path: Path) -> None:
             '"inductance [mH]"'),
         ("q", "angle [deg],flux [mWb]\n0,0",
             'line 1: "angle [deg],flux [mWb]": expected one column such as "current [A]"'),
-        ("q", "current [A],flux\n0,0", 'line 1: "flux": expected a unit too, such as "flux [mWb]"'),
+        ("q", "current [A],flux\n0,0", 'line 1: "flux": expected a unit, too, such as "flux [mWb]"'),
         ("q", "current [N],flux [mWb]\n0,0", 'line 1: "current [N]": expected a unit of a current, such as '
             '"current [A]"'),
         ("magnet", "current [A],inductance [mH]\n0,0",
@@ -552,7 +553,10 @@ def test_a_mistake_in_a_saturation_file_names_its_line(
 
 def test_a_saturation_file_stands_alone(tmp_path: Path) -> None:
     both = {"q": {"current": CURRENT, "file": "table.csv"}}
-    with pytest.raises(StudyError, match=r'q\.file: "table.csv": expected none, since its values are given'):
+    with pytest.raises(
+        StudyError,
+        match=r'q\.file: "table.csv": expected no such key, since its values are given in the study',
+    ):
         studies.study(tmp_path, {"motor.saturation": both})
 
 

@@ -47,18 +47,19 @@ line_of = partial(refusal, studies.study)
             'motor.K_e: "1 V/rpm": expected a known key, perhaps "K_e_line_to_line_peak" or '
             '"K_e_line_to_line_rms" or "K_e_phase_peak" or "K_e_phase_rms"'),
         ("motor.torque_constant", "1 N*m/A",
-            'motor.torque_constant: "1 N*m/A": expected K_t in its place'),
-        ("motor.J", "1 kg*m^2", 'motor.J: "1 kg*m^2": expected mechanics.inertia in its place'),
+            'motor.torque_constant: "1 N*m/A": expected the key K_t instead'),
+        ("motor.J", "1 kg*m^2", 'motor.J: "1 kg*m^2": expected the key mechanics.inertia instead'),
         ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, file_rate, energy"),
         ("controller.pi.gain", 1,
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
         ("mechanics", {}, 'mechanics.inertia: missing: expected an inertia above zero, such as "1 kg*m^2"'),
-        ("mechanics", 3, "mechanics: 3: expected a table of inertia, viscous_friction, coulomb_friction, "
+        ("mechanics", 3, "mechanics: 3: expected a table with the keys inertia, viscous_friction, "
+                         "coulomb_friction, "
             "breakaway_friction, stribeck_speed, friction_harmonics, friction_table, load_side, belt, load"),
         # quantities
         ("mechanics.load", 0.5, 'mechanics.load: 0.5: expected a text with a unit, such as "0.5 N*m"'),
         ("mechanics.inertia", "2.5e-4",
-            'mechanics.inertia: "2.5e-4": expected a unit too, such as "2.5e-4 kg*m^2"'),
+            'mechanics.inertia: "2.5e-4": expected a unit, too, such as "2.5e-4 kg*m^2"'),
         ("mechanics.inertia", "1 kg", 'mechanics.inertia: "1 kg": expected an inertia, such as "1 kg*m^2"'),
         ("mechanics.inertia", -1e-4,
             'mechanics.inertia: "-0.0001 kg*m^2": expected an inertia above zero, such as "1 kg*m^2"'),
@@ -92,7 +93,7 @@ line_of = partial(refusal, studies.study)
             'motor.saturation.q.current: ["1 A", "2 A", "3 A"]: expected three or more values that rise, '
             "zero among them"),
         ("motor.saturation", {"q": {"current": ["0 A", "1 A", "2 A"], "inductance": ["3 mH", "3 mH"]}},
-            'motor.saturation.q.inductance: ["3 mH", "3 mH"]: expected as many values as current has, 3'),
+            'motor.saturation.q.inductance: ["3 mH", "3 mH"]: expected 3 values, as many as current has'),
         ("motor.saturation", {"q": {"current": ["0 A", "1 A", "2 A"], "flux": ["1 Wb", "2 Wb", "3 Wb"]}},
             'motor.saturation.q.flux: ["1 Wb", "2 Wb", "3 Wb"]: expected zero at zero current'),
         ("motor.saturation", {"q": {"current": ["0 A", "1 A", "4 A"], "inductance": ["3 H", "3 H", "0.5 H"]}},
@@ -103,7 +104,7 @@ line_of = partial(refusal, studies.study)
         ("motor.saturation", {"magnet": {"current": ["0 A", "1 A", "2 A"], "flux": ["1 Wb", "2 Wb", "3 Wb"]}},
             'motor.saturation.magnet.flux: ["1 Wb", "2 Wb", "3 Wb"]: expected zero at zero current'),
         ("motor.saturation", {"magnet": {"current": ["0 A", "1 A", "2 A"]}},
-            "motor.saturation.magnet.flux: expected as many values as current has, 3"),
+            "motor.saturation.magnet.flux: expected 3 values, as many as current has"),
         ("motor.temperature", {"winding": "350 K"},
             'motor.temperature.winding: "350 K": expected a temperature, such as "1 degC"'),
         ("motor.temperature", {"winding": "-300 degC"},
@@ -113,7 +114,7 @@ line_of = partial(refusal, studies.study)
         'positive value at 90 degC'),
         ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
             "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
-            "motor.temperature.heating: expected larger capacities, since a temperature changes within "
+            "motor.temperature.heating: expected larger heat capacities, since a temperature changes within "
             "0.5 us"),
         # drive
         ("drive.rates.speed_loop", "7 kHz",
@@ -123,8 +124,8 @@ line_of = partial(refusal, studies.study)
         ("trace.rate", "4 kHz",
             'trace.rate: "4 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz'),
         ("trace.rate", "30 kHz",
-            'trace.rate: "30 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz; more '
-            'rows need drive.inverter.kind = "switched"'),
+            'trace.rate: "30 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz; a higher '
+            'rate needs drive.inverter.kind = "switched"'),
         ("drive.current_loop.kp", "1 V/A",
             'drive.current_loop: expected either kp and ki or bandwidth, such as "800 Hz"'),
         ("drive.current_loop", {"kp": "1e16 V/A", "ki": "1 V/A/s", "current_limit": "3 A"},
@@ -167,29 +168,31 @@ line_of = partial(refusal, studies.study)
         ("mechanics.load_side",
             {**SIDE, "gear_errors": [{"side": "input", "order": 100, "angle": "10 mrad"}]},
             'mechanics.load_side.gear_errors: [{ side = "input", order = 100, angle = "10 mrad" }]: '
-            "expected smaller errors: with these the gear's output would turn back"),
+            "expected smaller errors: with these errors the gear's output would turn back"),
         ("drive.position_sensor", {"kind": "ideal", "side": "load"},
             'drive.position_sensor.side: "load": expected "motor", since there is no mechanics.load_side'),
         ("mechanics",
             {"inertia": "1 g*m^2", "coulomb_friction": "2 mN*m", "breakaway_friction": "1.99 mN*m"},
-            'mechanics.breakaway_friction: "1.99 mN*m": expected no less than coulomb_friction'),
+            'mechanics.breakaway_friction: "1.99 mN*m": expected coulomb_friction or more'),
         ("mechanics.load", {"angle_table": {"angle": ["0 deg"], "file": "a.csv"}},
-            'mechanics.load.angle_table.file: "a.csv": expected none, since angle and torque are given'),
+            'mechanics.load.angle_table.file: "a.csv": expected no such key, since angle and torque are '
+            'given'),
         ("mechanics.load", {"angle_table": {"torque": ["1 N*m"], "file": "a.csv"}},
-            'mechanics.load.angle_table.file: "a.csv": expected none, since angle and torque are given'),
+            'mechanics.load.angle_table.file: "a.csv": expected no such key, since angle and torque are '
+            'given'),
         ("mechanics.stribeck_speed", "1 rpm",
-            'mechanics.stribeck_speed: "1 rpm": expected 0, unless breakaway_friction exceeds '
+            'mechanics.stribeck_speed: "1 rpm": expected 0, unless breakaway_friction is above '
             "coulomb_friction"),
         ("mechanics.friction_harmonics", [{"order": 1, "torque": "1 N*m"}],
-            'mechanics.friction_harmonics: [{ order = 1, torque = "1 N*m" }]: expected amplitudes of 0 N*m '
-            "or less together, so that friction is nowhere below zero"),
+            'mechanics.friction_harmonics: [{ order = 1, torque = "1 N*m" }]: expected amplitudes '
+            "whose sum is at most 0 N*m, so that friction is nowhere negative"),
         ("mechanics.friction_table", {"angle": ["0 deg", "90 deg"], "torque": ["0 N*m", "-1 N*m"]},
-            "mechanics.friction_table: expected torques that nowhere make coulomb_friction plus the "
-        "table negative"),
+            "mechanics.friction_table: expected torques with which coulomb_friction plus table is "
+            "nowhere negative"),
         ("mechanics.friction_table", {"file": "nowhere.csv"},
             'mechanics.friction_table.file: "nowhere.csv": expected a readable file at nowhere.csv'),
         ("metric", [{**METRIC, "signal": "omega_load"}],
-            'metric.0.signal: "omega_load": expected another signal, or a table mechanics.load_side'),
+            'metric.0.signal: "omega_load": expected another signal, or the table mechanics.load_side'),
         ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "0 s"]: '
             "expected one or more values, each above the previous one"),
@@ -197,7 +200,7 @@ line_of = partial(refusal, studies.study)
             'mechanics.load.time_table.time: ["1 s", "1 s"]: '
             "expected one or more values, each above the previous one"),
         ("mechanics.load", {"time_table": {"time": ["1 s"], "torque": []}},
-            "mechanics.load.time_table.torque: []: expected as many values as time has, 1"),
+            "mechanics.load.time_table.torque: []: expected 1 values, as many as time has"),
         ("mechanics.load", {"angle_table": {"angle": ["0 deg", "360 deg"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.angle_table.angle: ["0 deg", "360 deg"]: '
             "expected less than one revolution from the first to the last angle"),
@@ -234,7 +237,7 @@ line_of = partial(refusal, studies.study)
             + ", ".join(f'"{name}"' for name in LAWS) + ', perhaps "harmonic"'),
         ("motor.winding", "Star", 'motor.winding: "Star": expected "star" or "delta", perhaps "star"'),
         *(("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": orders},
-            f"controller.afc.orders: {orders}: expected 1 to 16 orders that rise, from 1 to 65535")
+            f"controller.afc.orders: {orders}: expected 1 to 16 rising orders between 1 and 65535")
           for orders in ([], [0], [6, 6], [12, 6], [70000], [*range(1, 18)])),
         ("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [6.5]},
             "controller.afc.orders.0: 6.5: expected a whole number"),
@@ -256,18 +259,18 @@ line_of = partial(refusal, studies.study)
             "controller.fair.tuning.phase_margin: 5: "
             'expected a phase margin from "20 deg" to "80 deg"; a plain number is in rad'),
         ("controller.fair.tuning", {"rule": "phase-margin"},
-            'controller.fair.tuning.phase_margin: missing: expected one, such as "60 deg"'),
+            'controller.fair.tuning.phase_margin: missing: expected a phase margin, such as "60 deg"'),
         ("controller.t", {**PI, "law": "anti-cogging", "start": {}},
             'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
         ("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", "table": "a.csv"}},
             'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
         *(("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", key: word}},
-            f'controller.t.start.{key}: "{word}": expected none, since a stored map tells it')
+            f'controller.t.start.{key}: "{word}": expected no such key, since a stored map contains it')
           for key, word in (("sign", "holding"), ("frame", "mechanical"))),
         ("controller.ilc", {**ILC, "forgetting": 0},
             "controller.ilc.forgetting: 0: expected a number above 0"),
         ("controller.ilc", {**ILC, "cells": 8, "q_half_width": 4},
-            "controller.ilc.q_half_width: 4: expected a filter within the 8 cells of the memory"),
+            "controller.ilc.q_half_width: 4: expected a filter that fits into the 8 cells of the memory"),
         ("controller.ilc", {**ILC, "memory": "space"},
             'controller.ilc.memory: "space": expected "time" or "angle"'),
         ("controller.t", {**TABLE, "calibration": {"speed": "-2 rpm", "position_gain": 1}},
@@ -279,19 +282,20 @@ line_of = partial(refusal, studies.study)
         ("controller.mine", {"law": "python", "object": "law.py"},
             'controller.mine.object: "law.py": expected a file and a class, such as "my_law.py:MyLaw"'),
         ("controller", {"pi": {**PI, "baseline": True}, "fair": {**PI, "baseline": True}},
-            'controller.fair.baseline: true: expected one baseline, already "pi"'),
+            'controller.fair.baseline: true: expected only one baseline, which is "pi" already'),
         # metrics
         ("metric", [{**METRIC, "kind": "first-rms"}],
             'metric.0.kind: "first-rms": expected another kind, since there are no trials'),
         ("metric", [{**METRIC, "signal": "temperature_winding"}],
-            'metric.0.signal: "temperature_winding": expected another signal, or a table motor.temperature'),
+            'metric.0.signal: "temperature_winding": expected another signal, or the table '
+            'motor.temperature'),
         ("metric.0.window", [0.1, 1],
             'metric.0.window: ["0.1 s", "1 s"]: expected a window within the 0.4 s of scenario "low"'),
-        ("metric.0.last", "0.1 s", 'metric.0.last: "0.1 s": expected one of window, last and event'),
+        ("metric.0.last", "0.1 s", 'metric.0.last: "0.1 s": expected only one of window, last and event'),
         ("metric", [{"name": "m", "kind": "rms", "signal": "i_q", "last": "1 s"}],
             'metric.0.last: "1 s": expected at most the 0.4 s of scenario "low"'),
         ("metric.0.window", [0.3, 0.2],
-            'metric.0.window: ["0.3 s", "0.2 s"]: expected a window that ends after it begins'),
+            'metric.0.window: ["0.3 s", "0.2 s"]: expected an end after the beginning'),
         ("metric", [{**METRIC, "signal": "term_ilc"}],
             'metric.0.signal: "term_ilc": expected a signal that a controller of this study has'),
         ("metric.0.unit", "A", 'metric.0.unit: "A": expected a unit of an angular speed, such as "rpm"'),
@@ -300,18 +304,19 @@ line_of = partial(refusal, studies.study)
             'metric.1.name: "speed_ripple": expected a name that no other metric of scenario "low" has'),
         ("metric.1.name", "a b", 'metric.1.name: "a b": expected a name of letters, digits and _'),
         ("metric.1.order", [1, 2000],
-            "metric.1.order: [1, 2000]: expected orders below 1875, half the trace's 15000 Hz "
+            "metric.1.order: [1, 2000]: expected orders below 1875, half the trace's rate of 15000 Hz "
             'at the top speed of scenario "low"'),
-        ("metric.1.order", [], 'metric.1.order: []: expected one, since kind is "order"'),
-        ("metric.0.band", "1 rpm", 'metric.0.band: "1 rpm": expected none, since kind is "peak-to-peak"'),
-        ("metric.2.event", 0.15, 'metric.2.event: "0.15 s": expected the time of an event of a scenario'),
+        ("metric.1.order", [], 'metric.1.order: []: expected this key, since kind is "order"'),
+        ("metric.0.band", "1 rpm", 'metric.0.band: "1 rpm": expected no such key, since kind is '
+                                   '"peak-to-peak"'),
+        ("metric.2.event", 0.15, 'metric.2.event: "0.15 s": expected the time of an event in a scenario'),
         ("metric.2.scenarios", ["low"],
-            'metric.2.event: "0.1 s": expected the time of an event of scenario "low"'),
+            'metric.2.event: "0.1 s": expected the time of an event in scenario "low"'),
         ("metric.2.band", "1 A", 'metric.2.band: "1 A": expected an angular speed, such as "1 rpm"'),
         ("metric", [{**METRIC, "kind": "settling"}],
-            'metric.0.event: missing: expected one, since kind is "settling"'),
+            'metric.0.event: missing: expected this key, since kind is "settling"'),
         ("metric", [{"name": "m", "kind": "rms"}],
-            'metric.0.signal: missing: expected one, since kind is "rms"'),
+            'metric.0.signal: missing: expected this key, since kind is "rms"'),
         # calibration
         ("calibration", {"parameters": [], "targets": [TARGET]},
             "calibration.parameters: []: expected one or more"),
@@ -337,13 +342,14 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
             "within 64.9 us"),
         ({"scenario.step.reference": "9000 rpm"},  # the fastest scenario counts
             f"{STEPS} 3 or more, since the highest order at the "
-            "9000 rpm of scenario.step.reference changes within 52.8 us; its voltage turns the motor at "
-            "6284 rpm without load, not at 9000"),
+            "9000 rpm of scenario.step.reference changes within 52.8 us; at the bus voltage the motor "
+            "reaches "
+            "6284 rpm without load, not 9000 rpm"),
         ({"scenario.low.initial_speed": "-9000 rpm"},  # something else turns it that fast
             f"{STEPS} 4 or more, since the highest order at the "
             "9000 rpm of scenario.low.initial_speed changes within 44.2 us"),
         ({"mechanics.inertia": "1e-12 kg*m^2"},
-            f"{STEPS} 257 or more, since the speed with the current "
+            f"{STEPS} 257 or more, since the oscillation of speed and current "
             "(K_t, inertia, L) changes within 0.52 us"),
         ({"drive.inverter.dead_time": "1 s"},
             'drive.inverter.dead_time: "1 s": expected less than half a period of the current loop, '
@@ -351,24 +357,27 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"drive.inverter.minimum_pulse": "-1 us"},
             'drive.inverter.minimum_pulse: "-1 us": expected a time of zero or more, such as "1 s"'),
         ({"drive.inverter.minimum_pulse": "20 us"},
-            'drive.inverter.minimum_pulse: "20 us": expected, with dead_time, less than a quarter of a '
-            "current-loop period, 1.67e-05 s"),
+            'drive.inverter.minimum_pulse: "20 us": expected less than 1.67e-05 s together with dead_time, a '
+            'quarter of a current-loop '
+            "period"),
         ({"drive.inverter.minimum_pulse": "30 us", "drive.inverter.dead_time": "4 us",
           "drive.inverter.pwm": "two-updates"},
-            'drive.inverter.minimum_pulse: "30 us": expected, with dead_time, less than half of a '
-            "current-loop period, 3.33e-05 s"),
+            'drive.inverter.minimum_pulse: "30 us": expected less than 3.33e-05 s together with dead_time, '
+            'half of a current-loop '
+            "period"),
         ({"scenario.low.duration": "1e9 s"},
-            'scenario.low.duration: "1e9 s": expected at most 1333.33 s with rows at 15000 Hz (trace.rate)'),
+            'scenario.low.duration: "1e9 s": expected at most 1333.33 s at a trace.rate of 15000 Hz'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time", "cells": 200}},
-            "controller.ilc.cells: 200: expected 1000 or more, the samples of a period"),
+            "controller.ilc.cells: 200: expected 1000 or more, the number of samples in a period"),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical", "lead": "70 ms"}},
             'controller.ilc.lead: "70 ms": expected at most 0.0625 s, a quarter of a period'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical"},
           "scenario.low.reference": "9000 rpm", "scenario.step.reference": "9000 rpm",
           "scenario.low.initial_speed": "9000 rpm", "drive.rates.integration_steps": 9,
           "metric.1.order": [1]},
-            'controller.ilc.period: "electrical": expected a longer one: it has 1.67 samples, at least 4 are '
-            "needed"),
+            'controller.ilc.period: "electrical": expected a longer period: this one has 1.67 samples, but '
+            'needs '
+            "4"),
         ({"metric.0.window": ["0.1 s", "0.10001 s"]},
             'metric.0.window: ["0.1 s", "0.10001 s"]: expected a window of 10 or more rows of the trace'),
     ],
@@ -495,17 +504,17 @@ def test_what_the_simulation_can_just_do(
         ({"seed": 2**64}, "seed: 18446744073709551616: expected a number below 18446744073709551616"),
         ({"controller.pi": 3}, "controller.pi: 3: expected a table"),
         ({"mechanics.inertia": "9" * 5000},
-            f'mechanics.inertia: "{"9" * 56}...: expected a unit too, such as "1 kg*m^2"'),
+            f'mechanics.inertia: "{"9" * 56}...: expected a unit, too, such as "1 kg*m^2"'),
         ({"motor.psi_f": "1e-300 Wb", "motor.kv": "1e-300 rpm/V"},
-            f"{STEPS} inf or more, since the speed with the current (K_t, "
+            f"{STEPS} inf or more, since the oscillation of speed and current (K_t, "
             "inertia, L) changes within 0 us"),
         ({"mechanics.inertia": "1e-300 kg*m^2"},
-            f"{STEPS} 2.56e+146 or more, since the speed with the current "
+            f"{STEPS} 2.56e+146 or more, since the oscillation of speed and current "
             "(K_t, inertia, L) changes within 5.2e-145 us"),
         ({"motor": "x", "motor.K_t": 1}, "motor.K_t: 1: expected a table at motor"),
         ({"motor.datasheet": "x" * 5000}, f'motor.datasheet: "{"x" * 56}...: no such datasheet: '),
         ({"metric": [{"name": "m", "kind": "rms", "unit": "rpm"}]},
-            'metric.0.signal: missing: expected one, since kind is "rms"'),
+            'metric.0.signal: missing: expected this key, since kind is "rms"'),
         ({"metric": [{"name": "m", "kind": "settling", "signal": "x", "band": "1 rpm", "event": "0.1 s"}]},
             'metric.0.signal: "x": expected a signal: '),
         ({"metric": [{**METRIC, "signal": "status", "unit": "A"}]},
@@ -521,9 +530,9 @@ def test_what_the_simulation_can_just_do(
         ({"scenario.low.controllers": []}, 'scenario.low.controllers: []: expected one of "pi"'),
         ({"metric.0.scenarios": []}, 'metric.0.scenarios: []: expected one of "low", "step"'),
         ({"drive.current_sensors.bits": 12, "drive.current_loop.current_limit": "12 A"},
-            "drive.current_sensors.range: 10 A: expected drive.current_loop.current_limit, 12 A, or more"),
+            "drive.current_sensors.range: 10 A: expected 12 A (drive.current_loop.current_limit) or more"),
         ({"drive.current_sensors": {"bits": 12, "range": "2 A"}, "drive.current_loop.current_limit": "3 A"},
-            'drive.current_sensors.range: "2 A": expected drive.current_loop.current_limit, 3 A, or more'),
+            'drive.current_sensors.range: "2 A": expected 3 A (drive.current_loop.current_limit) or more'),
         ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},
             'controller.t.calibration.speed: "1e-9 rpm": expected a run of at most 20000 s, not 1.35e+11 s'),
         ({"controller.l": {**ILC, "cells": 100, "lead": "26 ms"}, "drive.rates.speed_loop": "1 kHz"},
@@ -531,8 +540,9 @@ def test_what_the_simulation_can_just_do(
             "memory's cells in samples"),
         ({"mechanics.load_side": {**SIDE, "ratio": 1.5},
           "drive.position_sensor": {"kind": "ideal", "side": "load"}, "drive.rates.integration_steps": 20},
-            'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not whole: '
-            "the load's angle does not determine the motor's"),
+            'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not a whole '
+            'number, '
+            "so the load's angle does not determine the motor's"),
         ({"drive.rates.position_loop": "1 kHz"},
             "drive.rates: expected either speed_loop or, in trials, position_loop"),
         ({"controller.h": {"law": "harmonic", "base": 24, "kp": "0.02 A*s/rad", "ki": "1 A/rad",
@@ -540,17 +550,18 @@ def test_what_the_simulation_can_just_do(
             "controller.h.k_theta: missing: expected a gain, since kp and ki are given and position is true"),
         ({"controller.h": {"law": "harmonic", "base": 24, "k_theta": "5 1/s", "kp": "0.02 A*s/rad",
           "ki": "1 A/rad"}},
-            'controller.h.k_theta: "5 1/s": expected none, unless position is true and kp and ki are given'),
+            'controller.h.k_theta: "5 1/s": expected no such key, unless position is true and kp and ki are '
+            'given'),
         ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"], "correlation": 0.5}]}},
             'vary.together.0.keys: ["motor.R_s"]: expected two or more different keys'),
         ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"] * 2, "correlation": 0.5}]}},
             'vary.together.0.keys: ["motor.R_s", "motor.R_s"]: expected two or more different keys'),
         ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD], "correlation": -0.51}]}},
-            "vary.together.0.correlation: -0.51: expected -0.5 or more, since no 3 values can have a "
+            "vary.together.0.correlation: -0.51: expected -0.5 or more: 3 values can't all have a "
         "lower correlation with each other"),
         ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD][:2], "correlation": -1.0},
                                           {"keys": [*SPREAD][1:], "correlation": 0.5}]}},
-            'vary.together.1.keys.0: "motor.L_d": expected a key that is in no other group'),
+            'vary.together.1.keys.0: "motor.L_d": expected a key that is in no other group of vary.together'),
         ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s", "motor.psi_f"], "correlation": 0.5}]}},
             'vary.together.0.keys.1: "motor.psi_f": expected one of motor.R_s, motor.L_d, motor.L_q'),
     ],
@@ -615,19 +626,20 @@ PHASE_OR_LINES = (
 @pytest.mark.parametrize(
     ("before", "after", "line"),
     [
-        (MAGNET, "", 'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'),
+        (MAGNET, "", 'motor: expected a constant of the magnet, such as psi_f = "68 mWb", K_t = "0.4 N*m/A" '
+                     'or kv = "300 rpm/V"'),
         (RESISTANCE, "",
             'motor.R_s: missing: expected a resistance, such as "1 ohm", or resistance_line_to_line'),
         ('L_q = "30 mH"', "",
             'motor.L_q: missing: expected an inductance, such as "1 mH", or inductance_line_to_line'),
         (MAGNET, 'kv_phase_rms = "60 rpm/V"\nwinding = "delta"',
-            'motor.kv_phase_rms: "60 rpm/V": expected a word from line to line, '
+            'motor.kv_phase_rms: "60 rpm/V": expected a key with line_to_line in its name, '
             "since a delta has no star point"),
         (MAGNET, f'winding = "delta"\nback_emf_table = {TABLE}',
             'motor.back_emf_table.between: "phase": expected "line-to-line", '
             "since a delta has no star point"),
         (MAGNET, f'{MAGNET}\nwinding = "delta"\nsaturation = {SATURATION}',
-            "motor.saturation: expected none, since the winding is a delta"),
+            "motor.saturation: expected no such key, since the winding is a delta"),
         (MAGNET, 'K_e_phase_rms = "1 V"',
             'motor.K_e_phase_rms: "1 V": expected a voltage per speed, such as "1 V/rpm"'),
         (RESISTANCE, f'{RESISTANCE}\nresistance_line_to_line = "15.42 ohm"',
@@ -670,7 +682,7 @@ def test_rows_between_the_samples_are_whole_numbers_in_periods_of_a_switched_dri
     expected = "expected a rate that divides drive.rates.current_loop, 15000 Hz, or a multiple of it"
     assert line_of(tmp_path, switched) == f'study.toml: trace.rate: "40 kHz": {expected}'
     back = {**switched, "trace.rate": "45 kHz", "scenario.step.override": {"drive.inverter.kind": "averaged"}}
-    assert 'more rows need drive.inverter.kind = "switched"' in line_of(tmp_path, back)
+    assert 'a higher rate needs drive.inverter.kind = "switched"' in line_of(tmp_path, back)
 
 
 def test_voltages_need_rows_between_the_samples(tmp_path: Path) -> None:
@@ -685,7 +697,7 @@ def test_the_ripple_of_switching_needs_pulses_and_rows_that_show_them(tmp_path: 
     kind = 'study.toml: metric.0.kind: "switching-ripple": expected another kind, '
     assert line_of(tmp_path, change) == f"{kind}since the inverter is averaged"
     switched = {**change, "drive.inverter.kind": "switched"}
-    least = "or a trace.rate of 240000 Hz or more, 16 rows in a period of the PWM"
+    least = "or a trace.rate of 240000 Hz or more, so that a PWM period has 16 rows"
     for rate in ("15 kHz", "225 kHz"):
         assert line_of(tmp_path, {**switched, "trace.rate": rate}) == f"{kind}{least}"
     fine = {**switched, "trace.rate": "240 kHz"}
@@ -709,7 +721,7 @@ def test_an_ideal_current_loop_has_no_ripple_of_switching(tmp_path: Path) -> Non
 def test_metrics_of_one_name_mean_the_same(tmp_path: Path) -> None:
     ripple = {"name": "m", "kind": "rms", "signal": "i_q", "scenarios": ["low"]}
     other = {"name": "m", "kind": "mean", "signal": "i_q", "scenarios": ["step"]}
-    expected = "expected the kind, signal, order and frame of the other metric of this name"
+    expected = "expected the same kind, signal, order and frame as in the other metric of this name"
     assert line_of(tmp_path, {"metric": [ripple, other]}) == f'study.toml: metric.1.name: "m": {expected}'
 
 
@@ -790,8 +802,8 @@ def test_what_is_missing_is_told_by_its_type(tmp_path: Path) -> None:
         'drive.current_loop: missing: expected one, such as { bandwidth = "1 kHz", current_limit = "4 A" }',
         "scenario: missing: expected a table [scenario.NAME]",
         "controller: missing: expected a table [controller.NAME]",
-        "motor: missing: expected a table of pole_pairs, ...",
-        "mechanics: missing: expected a table of inertia, ...",
+        "motor: missing: expected a table with pole_pairs, ...",
+        "mechanics: missing: expected a table with inertia, ...",
     ]
 
 
@@ -878,7 +890,8 @@ def test_what_datasheet_and_study_lack_together_is_told_of_the_study(tmp_path: P
     text = studies.BASE.replace(MAGNET, 'datasheet = "m.toml"')
     (tmp_path / "m.toml").write_text('winding = "star"\n', encoding="utf-8")
     assert line_of(tmp_path, None, text) == (
-        'study.toml: motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'
+        'study.toml: motor: expected a constant of the magnet, such as psi_f = "68 mWb", K_t = "0.4 N*m/A" '
+        'or kv = "300 rpm/V"'
     )
     (tmp_path / "m.toml").write_text('psi_f = "1 A"\n', encoding="utf-8")
     there = {"scenario.low.override": {"motor.psi_f": "2 A"}}  # an override is a key of the study
@@ -891,7 +904,7 @@ def test_what_datasheet_and_study_lack_together_is_told_of_the_study(tmp_path: P
 @pytest.mark.parametrize(("length", "named"), [(1000, 1000 * "x"), (1001, f'"{56 * "x"}...')])
 def test_a_long_path_is_named_in_short(length: int, named: str) -> None:
     told = refusal(load, length * "x")
-    assert told.startswith(f"{named}: no such study: expected a file, or one of the shipped: ")
+    assert told.startswith(f"{named}: no such study: expected a file, or one of the shipped studies: ")
 
 
 def test_a_value_is_shown_in_sixty_characters() -> None:
@@ -905,7 +918,10 @@ def test_a_value_is_shown_in_sixty_characters() -> None:
 def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "arena.toml"
     path.write_text("[plant.a]\n[law.b]\n")
-    assert refusal(load, path) == "arena.toml: an arena: expected a study; cogless run takes an arena, too"
+    assert (
+        refusal(load, path)
+        == "arena.toml: is an arena: expected a study; only cogless run takes an arena, too"
+    )
 
     def refused(*_: Any, **__: Any) -> str:
         raise PermissionError(13, "Permission denied")
@@ -915,7 +931,9 @@ def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: 
 
 
 def test_no_such_study(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=r"x\.toml: no such study: expected a file, or one of the shipped: "):
+    with pytest.raises(
+        StudyError, match=r"x\.toml: no such study: expected a file, or one of the shipped studies: "
+    ):
         load(tmp_path / "x.toml")
 
 
@@ -926,10 +944,11 @@ def test_no_such_study(tmp_path: Path) -> None:
             "study.toml: motor.cogging.5.torque: 1: expected an index of motor.cogging, 0"),
         ("motor.cogging.x", 1, "study.toml: motor.cogging.x: 1: expected an index of motor.cogging, 0"),
         ("metric.3", 1, "study.toml: metric.3: 1: expected an index of metric, 0 to 2"),
-        ("title.x", 1, "study.toml: title.x: 1: expected a table at title"),
+        ("title.x", 1, "study.toml: title.x: 1: expected a table at title, not a text"),
         ("seed.x.y", 1, "study.toml: seed.x.y: 1: expected a key of the study"),
         ("scenario.low.reference.speed", 1,
-            "study.toml: scenario.low.reference.speed: 1: expected a table at scenario.low.reference"),
+            "study.toml: scenario.low.reference.speed: 1: expected a table at scenario.low.reference, not a "
+            "text"),
         ("", 1, '"": expected a dotted key, such as controller.pi.kp'),
     ],
 )  # fmt: skip

@@ -120,16 +120,16 @@ def test_expressions(text: str, value: float) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("B / (J - 1)", "expected a value that can be computed (float division by zero)"),
-        ("J / x", 'expected known parameters (B, J), not "x"'),
+        ("B / (J - 1)", "expected a formula that can be computed (float division by zero)"),
+        ("J / x", 'expected only known parameters (B, J), not "x"'),
         ("__import__('os')", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
         ("J.real", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
         ("J if B else 1", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
         ("True", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
         ("J +", 'expected arithmetic over parameters, such as "-B / J"'),
         ("J" + 100 * "+J", 'expected arithmetic over parameters, such as "-B / J"'),
-        ("9**9**9**9", "expected a value that can be computed (math range error)"),
-        ("(0-1)**0.5", "expected a value that can be computed (math domain error)"),
+        ("9**9**9**9", "expected a formula that can be computed (math range error)"),
+        ("(0-1)**0.5", "expected a formula that can be computed (math domain error)"),
         ("1e999", "expected a finite value"),
     ],
 )
@@ -150,27 +150,29 @@ VERTICES = {
     ("text", "key", "value", "line"),
     [
         # the plant
-        (LINEAR, "plant.parameter.a", {}, "plant.parameter.a: expected value, range or both"),
-        (LINEAR, "plant.states", ["x"], 'plant.states: ["x"]: expected 2 names, one a state'),
+        (LINEAR, "plant.parameter.a", {}, "plant.parameter.a: expected the key value, range or both"),
+        (LINEAR, "plant.states", ["x"], 'plant.states: ["x"]: expected 2 names, one for each state'),
         (LINEAR, "design.range", {"motor.K_t": ["1 N*m/A", "2 N*m/A"]},
-            "design.range: expected none: ranges stand at plant.parameter"),
+            "design.range: expected no such key: a linear plant has its ranges in plant.parameter"),
         (LINEAR, "plant.parameter", {name: [0.5, 1.0] for name in "abcdefghijkmnopqrstuvwxyz"},
             "plant.parameter: expected at most 12 parameters with a range"),
         (LINEAR, "trace.energy", True, "trace.energy: true: expected false, since there is no drive"),
         # metrics
         (LINEAR, "metric.0.kind", "three-sigma",
-            'metric.0.kind: "three-sigma": expected a kind for trials: rms, ripple-rms, mean, maximum, '
+            'metric.0.kind: "three-sigma": expected a kind for studies of trials: rms, ripple-rms, mean, '
+            'maximum, '
             "peak-to-peak, first-rms, final-rms, trials-to-floor"),
         (LINEAR, "metric.0.window", ["0 s", "1 s"],
-            'metric.0.window: ["0 s", "1 s"]: expected none, in trials'),
+            'metric.0.window: ["0 s", "1 s"]: expected no such key in a study of trials'),
         # the scenario
         (DRIVE, "scenario.move.duration", "0.501 s",
             'scenario.move.duration: "0.501 s": expected a whole number of samples of 0.0025 s'),
         (DRIVE, "scenario.move.duration", "0.005 s",
             'scenario.move.duration: "0.005 s": expected 4 to 65535 samples, not 2'),
         (DRIVE, "scenario.move.trials", 0, "scenario.move.trials: 0: expected a number of 1 or more"),
-        (DRIVE, "scenario.move.reference", "1 rad", 'scenario.move.reference: "1 rad": expected a '
-            'table of points'),
+        (DRIVE, "scenario.move.reference", "1 rad", 'scenario.move.reference: "1 rad": expected a table with '
+                                                    'the keys '
+            'points'),
         (DRIVE, "scenario.move.reference", [["1 s", "0 rad"], ["1 s", "1 rad"]],
             "scenario.move.reference.points: expected one or more points, each later than the previous one"),
         (DRIVE, "scenario.move.changes.0.trial", 1, "scenario.move.changes.0.trial: 1: expected a "
@@ -182,13 +184,13 @@ VERTICES = {
         (DRIVE, "scenario.move.changes.1.trial", 13,
             "scenario.move.changes.1.trial: 13: expected a trial after 5, at most 12"),
         (DRIVE, "scenario.move.changes.0.load_steps", [[200, "1 N*m"]],
-            'scenario.move.changes.0.load_steps.0: [200, "1 N*m"]: expected a sample of the trial, '
-                'below 200'),
+            'scenario.move.changes.0.load_steps.0: [200, "1 N*m"]: expected a sample below 200, within the '
+                'trial'),
         (DRIVE, "scenario.move.changes.0.load_steps", [[50, "1 N*m"], [20, "0 N*m"]],
             'scenario.move.changes.0.load_steps.1: [20, "0 N*m"]: expected a sample after that of the '
         'previous step'),
         (DRIVE, "scenario.move.changes.0.initial_state", [0, 0],
-            "scenario.move.changes.0.initial_state: [0, 0]: expected none, of a drive"),
+            "scenario.move.changes.0.initial_state: [0, 0]: expected no such key for a drive"),
         (DRIVE, "scenario.move.changes.1.override", {"drive.rates": 1},
             'scenario.move.changes.1.override."drive.rates": 1: expected a key of motor or mechanics, such '
             "as mechanics.inertia"),
@@ -200,10 +202,10 @@ VERTICES = {
             'scenario.move.changes.1.override."motor.datasheet": "liu2018": expected a key of motor or '
             "mechanics, such as mechanics.inertia"),
         (DRIVE, "scenario.move.initial_angle", "0.6 rev",
-            'scenario.move.initial_angle: "0.6 rev": expected less than half a turn from where the '
-            "reference begins, 0 rad: the sensor doesn't tell turns"),
+            'scenario.move.initial_angle: "0.6 rev": expected an angle less than half a turn from where the '
+            "reference begins, 0 rad: the sensor doesn't count turns"),
         (DRIVE, "scenario.move.reference", [["0 s", "0 rad"], ["0.6 s", "1 rad"]],
-            'scenario.move.reference.1: ["0.6 s", "1 rad"]: expected a time within the trial, 0.5 s'),
+            'scenario.move.reference.1: ["0.6 s", "1 rad"]: expected a time within the 0.5 s of the trial'),
         (LINEAR, "scenario.cycle.reference", [["0 s", "0 rad"], ["1 s", "1 rad"]],
             'scenario.cycle.reference.0: ["0 s", "0 rad"]: expected a plain number, such as ["1 s", 1.0]'),
         (LINEAR, "scenario.cycle.load_steps", [[10, "1 N*m"]],
@@ -211,18 +213,19 @@ VERTICES = {
             "[100, 1.0]"),
         # the plant
         (LINEAR, "plant.A.0.0", "1 / (a - 0.5)",
-            'plant.A.0.0: "1 / (a - 0.5)": expected a value that can be computed (float division by zero) at '
+            'plant.A.0.0: "1 / (a - 0.5)": expected a formula that can be computed (float division by zero) '
+            'at '
             "a = 0.5, k = 1.8"),
         (DRIVE, "plant", {"period": "1 s", "A": [[0.5]], "B": [1], "C": [1]},
-            "motor: expected none, since there is a plant"),
+            "motor: expected no such key, since there is a linear plant"),
         (LINEAR, "plant.period", "0 s", 'plant.period: "0 s": expected a time above zero, such as "1 s"'),
-        (LINEAR, "plant.C", [], "plant.C: []: expected 1 to 8 numbers, one a state"),
+        (LINEAR, "plant.C", [], "plant.C: []: expected 1 to 8 numbers, one for each state"),
         (LINEAR, "plant.B", [1], "plant.B: [1]: expected 2 numbers, as many as C has"),
-        (LINEAR, "plant.A", [[1, 2]], "plant.A: [[1, 2]]: expected 2 rows of 2, as many as C has"),
-        (LINEAR, "plant.A.0.0", "-b", 'plant.A.0.0: "-b": expected known parameters (a, k), not "b"'),
+        (LINEAR, "plant.A", [[1, 2]], "plant.A: [[1, 2]]: expected 2 rows of 2 numbers, as many as C has"),
+        (LINEAR, "plant.A.0.0", "-b", 'plant.A.0.0: "-b": expected only known parameters (a, k), not "b"'),
         (LINEAR, "plant.A.0.0", "1 / (a - 0.75)",
-            'plant.A.0.0: "1 / (a - 0.75)": expected a value that can be computed (float division by '
-        'zero) at '
+            'plant.A.0.0: "1 / (a - 0.75)": expected a formula that can be computed (float '
+            'division by zero) at '
             "a = 0.75, k = 2"),
         (LINEAR, "plant.parameter.a", [1.0, 0.5],
             "plant.parameter.a.range: expected a range from the smallest to the largest value"),
@@ -231,19 +234,19 @@ VERTICES = {
         (LINEAR, "plant.vertex", [{"A": [[1, 0], [0, 1]], "B": [1, 0]}],
             "plant.A: [[\"-a\", 0.0], [1.0, \"-2 * a\"]]: expected either A and B, or vertex"),
         (LINEAR, "plant", {**VERTICES["plant"], "vertex": [{"A": [[0.5, 1]], "B": [1]}]},
-            "plant.vertex.0.A: [[0.5, 1]]: expected 1 rows of 1, as many as C has"),
+            "plant.vertex.0.A: [[0.5, 1]]: expected 1 rows of 1 numbers, as many as C has"),
         (LINEAR, "plant", {**VERTICES["plant"], "vertex": [{"A": [[1]], "B": [1]}, {"A": [[1]], "B": []}]},
             "plant.vertex.1.B: []: expected 1 numbers, as many as C has"),
         (LINEAR, "plant", {**VERTICES["plant"], "parameter": {"a": 1.0}},
-            "plant.parameter: expected none, since vertex gives numbers"),
+            "plant.parameter: expected no such key, since vertex gives numbers"),
         (LINEAR, "plant", {"period": "1 s", "C": [1]},
             "plant.A: missing: expected either A and B, or vertex"),
         (LINEAR, "plant", {"period": "1 s", "C": [1], "A": [[1]]},
             "plant.A: [[1]]: expected either A and B, or vertex"),
         (LINEAR, "plant", {"period": "1 s", "C": [1] * 9, "A": [[1] * 9] * 9, "B": [1] * 9},
-            "plant.C: [1, 1, 1, 1, 1, 1, 1, 1, 1]: expected 1 to 8 numbers, one a state"),
+            "plant.C: [1, 1, 1, 1, 1, 1, 1, 1, 1]: expected 1 to 8 numbers, one for each state"),
         (LINEAR, "plant.A.1.0", "c + a - d",
-            'plant.A.1.0: "c + a - d": expected known parameters (a, k), not "c"'),
+            'plant.A.1.0: "c + a - d": expected only known parameters (a, k), not "c"'),
         (LINEAR, "plant.B.1", "2 *",
             'plant.B.1: "2 *": expected arithmetic over parameters, such as "-B / J"'),
         (LINEAR, "scenario.cycle.changes.0.override.b", 1,
@@ -251,7 +254,7 @@ VERTICES = {
         (LINEAR, "scenario.cycle.changes.0.override.a", "much",
             'scenario.cycle.changes.0.override.a: "much": expected a number'),
         (LINEAR, "scenario.cycle.initial_state", [1],
-            "scenario.cycle.initial_state: [1]: expected 2 numbers, one a state"),
+            "scenario.cycle.initial_state: [1]: expected 2 numbers, one for each state"),
         # the design
         (DRIVE, "design.state_weight", [1, 1, 0],
             "design.state_weight: [1, 1, 0]: expected a positive definite weight"),
@@ -285,21 +288,23 @@ VERTICES = {
                 'as "1 kg*m^2"'),
         # controllers and metrics
         (DRIVE, "controller.ilc.K_s", [1, 2],
-            "controller.ilc.K_s: [1, 2]: expected 3 numbers: one a state, and the integrator's"),
+            "controller.ilc.K_s: [1, 2]: expected 3 numbers: one for each state, and one for the integrator"),
         (DRIVE, "controller.ilc.q_filter.cutoff", "200 Hz",
             'controller.ilc.q_filter.cutoff: "200 Hz": expected less than half the sampling rate, 200 Hz'),
         (DRIVE, "controller.ilc.law", "pi",
             'controller.ilc.law: "pi": expected one of "trial-ilc", "state-ilc", "norm-optimal", '
             '"observer-ilc", "python", "library"'),
         (DRIVE, "drive.current_loop", {"bandwidth": "800 Hz", "current_limit": "3 A"},
-            "drive.inverter: missing: expected a table of bus_voltage, ..."),
+            "drive.inverter: missing: expected a table with bus_voltage, ..."),
         (DRIVE, "drive.rates.position_loop", "3 kHz",
             'drive.rates.position_loop: "3 kHz": expected a rate that divides current_loop, 8000 Hz'),
         (DRIVE, "trace.rate", "200 Hz",
-            'trace.rate: "200 Hz": expected 400 Hz or a multiple of it, rows for each sample of the trial'),
+            'trace.rate: "200 Hz": expected 400 Hz or a multiple of it, so that each sample of a trial has a '
+            'row'),
         (DRIVE, "metric.0.signal", "u_d", None),
         (DRIVE, "metric.1.floor", "1 A", 'metric.1.floor: "1 A": expected an angle, such as "1 deg"'),
-        (DRIVE, "metric.0.floor", "1 mrad", 'metric.0.floor: "1 mrad": expected none, since kind is "rms"'),
+        (DRIVE, "metric.0.floor", "1 mrad", 'metric.0.floor: "1 mrad": expected no such key, since kind is '
+                                            '"rms"'),
         (LINEAR, "metric.0.signal", "theta_error",
             'metric.0.signal: "theta_error": expected a signal: y_ref, y, y_error, u, load, term_feedback, '
             "term_integral, term_feedforward, term_learned, learned, status, x_1, x_2"),
@@ -329,29 +334,31 @@ OWN = {"law": "python", "object": "law.py:Law"}
             "expected a whole number of samples of 0.0025 s"),
         # rows of the trace
         (DRIVE, {"trace.rate": "8 kHz"}, "scenario.move.trials", 5000, 5001,
-            "expected at most 5000, 2e+07 rows of the trace are too many"),
+            "expected at most 5000: 2e+07 rows are too many for the trace"),
         (DRIVE, {}, "scenario.move.trials", 100_000, 100_001, "expected a number of 100000 or less"),
         (DRIVE, {}, "trace.rate", "4000.000000002 Hz", "4000.000000006 Hz",
             "expected a rate that divides 8000 Hz"),
         # what happens within a trial
         (LINEAR, {}, "scenario.cycle.load_steps", [[49, 0.1]], [[50, 0.1]],
-            "expected a sample of the trial, below 50"),
+            "expected a sample below 50, within the trial"),
         (DRIVE, {}, "scenario.move.reference", [["0 s", "0 rad"], ["0.5 s", "1 rad"]],
-            [["0 s", "0 rad"], ["0.5001 s", "1 rad"]], "expected a time within the trial, 0.5 s"),
+            [["0 s", "0 rad"], ["0.5001 s", "1 rad"]], "expected a time within the 0.5 s of the trial"),
         (DRIVE, {}, "scenario.move.initial_angle", "-0.4999 rev", "-0.5 rev",
-            "expected less than half a turn from where the reference begins, 0 rad: the sensor doesn't tell "
+            "expected an angle less than half a turn from where the reference begins, 0 rad: the sensor "
+            "doesn't count "
             "turns"),
         (DRIVE, {}, "scenario.move.changes.0.initial_angle", "0.4999 rev", "0.5 rev",
-            "expected less than half a turn from where the reference begins, 0 rad: the sensor doesn't tell "
+            "expected an angle less than half a turn from where the reference begins, 0 rad: the sensor "
+            "doesn't count "
             "turns"),
         (LINEAR, VERTICES, "scenario.cycle.override", {"vertex": 2}, {"vertex": 3},
-            "expected vertex = a number of 1 to 2; without vertex the mean of all"),
+            "expected vertex = 1 to 2, or no vertex for the mean of all"),
         (LINEAR, VERTICES, "scenario.cycle.override", {"vertex": 1}, {"vertex": 0},
-            "expected vertex = a number of 1 to 2; without vertex the mean of all"),
+            "expected vertex = 1 to 2, or no vertex for the mean of all"),
         (LINEAR, VERTICES, "scenario.cycle.override", {}, {"vertex": True},
-            "expected vertex = a number of 1 to 2; without vertex the mean of all"),
+            "expected vertex = 1 to 2, or no vertex for the mean of all"),
         (LINEAR, VERTICES, "scenario.cycle.override", {}, {"corner": 1},
-            "expected vertex = a number of 1 to 2; without vertex the mean of all"),
+            "expected vertex = 1 to 2, or no vertex for the mean of all"),
         (LINEAR, {}, "scenario.cycle.override.a", 0.6, True, "expected a number"),
         (LINEAR, {}, "scenario.cycle.override.a", 1, "1", "expected a number"),
         (LINEAR, {}, "scenario.cycle.override.a", 1, float("inf"), "expected a number"),
@@ -361,13 +368,13 @@ OWN = {"law": "python", "object": "law.py:Law"}
         (DRIVE, {"controller.ilc": OBSERVED}, "controller.ilc.cutoff", "199.9 Hz", "200 Hz",
             "expected less than half the sampling rate, 200 Hz"),
         (DRIVE, {"controller.ilc": FIXED}, "controller.ilc.K_s", [1, 2, 3], [1, 2, 3, 4],
-            "expected 3 numbers: one a state, and the integrator's"),
+            "expected 3 numbers: one for each state, and one for the integrator"),
         (DRIVE, {"controller.ilc": {**FIXED, "integral": False}}, "controller.ilc.K_s", [1, 2], [1],
-            "expected 3 numbers: one a state, and the integrator's"),
+            "expected 3 numbers: one for each state, and one for the integrator"),
         (DRIVE, {"controller.ilc": {**FIXED, "integral": False}}, "controller.ilc.K_s", [1, 2, 3],
-            [1, 2, 3, 4], "expected 3 numbers: one a state, and the integrator's"),
+            [1, 2, 3, 4], "expected 3 numbers: one for each state, and one for the integrator"),
         (DRIVE, {"controller.ilc": {"law": "state-ilc"}}, "controller.ilc.K_stab", [1, 2], [1, 2, 3],
-            "expected 2 numbers, one a state"),
+            "expected 2 numbers, one for each state"),
     ],
 )  # fmt: skip
 def test_a_study_of_trials_at_its_bounds_and_beyond(
@@ -382,7 +389,8 @@ def test_a_study_of_trials_at_its_bounds_and_beyond(
     ("text", "law", "told"),
     [
         (DRIVE, {**OWN, "start": {"map": "a.bin"}},
-            "start: expected none: what is learned from trial to trial belongs to their reference"),
+            "start: expected no such key: what is learned from trial to trial fits only the reference of "
+            "these trials"),
         (LINEAR, OWN, 'law: "python": expected a law of trials, since a law of your own needs a drive'),
     ],
 )  # fmt: skip
@@ -394,19 +402,19 @@ def test_a_law_of_one_s_own_in_trials(tmp_path: Path, text: str, law: dict[str, 
 def test_trials_need_a_whole_drive_or_a_plant(tmp_path: Path, part: str) -> None:
     before, _, rest = DRIVE.partition(f"[{part}]")
     text = before + rest[rest.index("\n[") + 1 :]
-    expected = "expected a table, or a plant in place of motor, mechanics and drive"
+    expected = "expected this table, or plant in place of motor, mechanics and drive"
     assert line_of(tmp_path, {}, text) == f"study.toml: {part}: missing: {expected}"
 
 
 def test_a_trace_that_is_too_large(tmp_path: Path) -> None:
     found = line_of(tmp_path, {"scenario.move.trials": 100_000, "scenario.move.duration": "1 s"}, DRIVE)
-    expected = "expected at most 50000, 4e+07 rows of the trace are too many"
+    expected = "expected at most 50000: 4e+07 rows are too many for the trace"
     assert found == f"study.toml: scenario.move.trials: 100000: {expected}"
 
 
 def test_integral_action_needs_a_weight_of_its_own(tmp_path: Path) -> None:
     found = line_of(tmp_path, {"design.state_weight": [1, 1], "design.initial_state": [1, 0]}, DRIVE)
-    expected = 'expected 3 numbers: one a state, and the integrator\'s, which "ilc" has'
+    expected = 'expected 3 numbers: one for each state, and one for the integrator of controller "ilc"'
     assert found == f"study.toml: design.state_weight: [1, 1]: {expected}"
 
 
@@ -414,7 +422,7 @@ def test_a_plant_without_a_value_in_a_trial_is_refused(tmp_path: Path) -> None:
     changes = {"plant.A.0.0": "1 / (a - 3)", "scenario.cycle.changes.0.override.a": 3.0}
     found = line_of(tmp_path, changes, LINEAR)
     assert found.startswith("study.toml: scenario.cycle.changes.0.override")
-    assert found.endswith("expected a value that can be computed (float division by zero) at a = 3, k = 2")
+    assert found.endswith("expected a formula that can be computed (float division by zero) at a = 3, k = 2")
 
 
 def test_a_table_of_an_override_changes_its_keys_alone(tmp_path: Path) -> None:

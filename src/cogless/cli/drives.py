@@ -37,40 +37,46 @@ def table(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="A folder that cogless identify wrote, a stored map, or, with --from, a drive's table.",
+            help="Folder that cogless identify wrote, or a stored map. With --from: a table of that drive.",
         ),
     ],
     to: Annotated[
-        str | None, typer.Option("--to", metavar="DRIVE", help="Write for this drive.", show_default=False)
+        str | None,
+        typer.Option("--to", metavar="DRIVE", help="Drive that the table is for.", show_default=False),
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("File for the table. Without -o the table is only described.", "FILE", False),
+        output_option(
+            "File for the table. Without -o the table is described, but not written.", "FILE", False
+        ),
     ] = None,
     from_: Annotated[
-        str | None, typer.Option("--from", metavar="DRIVE", help="SOURCE is a table of this drive.")
+        str | None, typer.Option("--from", metavar="DRIVE", help="Drive whose table SOURCE is.")
     ] = None,
     drive_config: Annotated[
         Path | None,
-        typer.Option("--drive-config", metavar="FILE", help="Configuration file of the drive of --from."),
+        typer.Option("--drive-config", metavar="FILE", help="Configuration file of the --from drive."),
     ] = None,
     shift: Annotated[
         str | None,
         typer.Option(
             "--shift",
             metavar="ANGLE",
-            help="Mechanical angle of the new drive's index at which SOURCE's angle is zero.",
+            help="Mechanical angle that the --to drive shows where SOURCE's angle is zero.",
         ),
     ] = None,
     reverse: Annotated[
-        bool, typer.Option("--reverse", help="The new drive counts angle and current in the other direction.")
+        bool,
+        typer.Option(
+            "--reverse", help="The --to drive counts angle and current in the opposite direction to SOURCE."
+        ),
     ] = False,
     current: Annotated[
         str | None,
         typer.Option(
             "--current",
             metavar="CURRENT",
-            help="Current of the printer's motor, A rms; warns if the logs are of another current.",
+            help="Current of the printer's motor, A rms. Warns if the logs were recorded at another current.",
         ),
     ] = None,
     study: Annotated[
@@ -78,21 +84,21 @@ def table(
         typer.Option(
             "--study",
             metavar="DIR",
-            help="Also write a study into DIR: the motor under the drive's own control law.",
+            help="Also write a study into DIR, with the motor under the drive's own control law.",
         ),
     ] = None,
     encoder: Annotated[
         bool,
         typer.Option(
             "--encoder",
-            help="Write the table that corrects the drive's encoder, not the cogging table.",
+            help="Write the correction of the drive's encoder instead of the cogging table.",
         ),
     ] = False,
 ) -> None:
     """Write a cogging table in a drive's own format.
 
-    Says what the drive's own interpolation and rounding leave of the cogging, how to install the table and to
-    take it out, and how to check its sign. `cogless drives` lists what each drive takes.
+    Prints how much of the cogging the drive's interpolation and rounding leave, how to install and remove the
+    table, and how to check its sign. `cogless drives` lists the tables that cogless writes.
     """
     from cogless.drives.adapter import TableFrame
     from cogless.drives.holding_current import residue
@@ -116,18 +122,18 @@ def table(
         option = next((name for name, value in options.items() if value is not None), None)
         if option is not None:
             raise StudyError(
-                f"{option}: expected none with --to {to}, whose table is over the electrical angle"
+                f"{option}: expected no such option with --to {to}: its table is over the electrical angle"
             )
         write_correction(adapter, source, current, output)
         return
     if current is not None:
         raise StudyError(
-            f"--current: expected none with --to {to}: only the correction of a printer's motor depends "
-            "on the current"
+            f"--current: expected no such option with --to {to}: only the correction of a printer's motor "
+            "depends on the current"
         )
     if encoder:
         if from_ is not None or shift is not None or reverse or study is not None:
-            raise StudyError("--encoder: expected only SOURCE, --to and -o beside --encoder")
+            raise StudyError("--encoder: expected no other options than --to and -o")
         _write_encoder_table(source, adapter, output)
         return
     if adapter.write is None:
@@ -137,20 +143,18 @@ def table(
         holding = holding.turned(-1 if reverse else 1, _angle(shift))
         frame = TableFrame(to, zero=True)
     elif reverse:
-        raise StudyError("--reverse: expected --shift ANGLE too, since a reversed angle has another zero")
+        raise StudyError("--reverse: expected --shift ANGLE, too: a reversed angle has another zero")
     if not frame.zero:
-        raise StudyError(
-            f"{source}: the rotor angle of the table's first entry is not known: {frame.lacking}"
-        )
+        raise StudyError(f"{source}: the rotor angle of the table's first entry is unknown: {frame.lacking}")
     written = adapter.write(holding, frame)
     rest = residue(holding, written.entries, written.applied)
     torque = f", {1e3 * holding.K_t * rest.before:.3g} mN*m" if holding.K_t else ""
     predicted, why_not = _predict(source, frame, written, adapter, study)
     lines = [
         *predicted,
-        f"Holding current: {1e3 * rest.before:.4g} -> {1e3 * rest.after:.3g} mA rms{torque}; rounding and "
-        f"interpolation leave {rest.share:.2%}, most of it order {rest.order}, "
-        f"{1e3 * rest.amplitude:.2g} mA.",
+        f"Holding current: {1e3 * rest.before:.4g} mA rms{torque}. Rounding and interpolation of the table "
+        f"leave {1e3 * rest.after:.3g} mA rms of it ({rest.share:.2%}), most in order {rest.order} "
+        f"({1e3 * rest.amplitude:.2g} mA).",
         *why_not,
         f"{adapter.title}: {written.entries} entries, {written.scale}.",
     ]
@@ -163,8 +167,8 @@ def table(
     if frame.zero_error:
         highest = max(holding.orders)
         lines.append(
-            f"The place of the table's first entry is known to {frame.zero_error * highest:.2g} "
-            f"rad of order {highest}."
+            f"The angle of the table's first entry is uncertain by {frame.zero_error * highest:.2g} rad "
+            f"of order {highest}."
         )
     _put(written, lines, output)
 
@@ -199,15 +203,14 @@ def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) ->
     correction, frame = correction_from(source), frame_from(source / FRAME_FILE)
     if frame.drive != adapter.name or not frame.zero:
         lacking = frame.lacking or f"its logs are of {frame.drive}: expected logs of {adapter.name}"
-        raise StudyError(f"{source}: the rotor angle of the table's first entry is not known: {lacking}")
+        raise StudyError(f"{source}: the rotor angle of the table's first entry is unknown: {lacking}")
     written = adapter.write_encoder(correction, frame)
     rest = residue(correction, written.entries, written.applied)
     before, after = (math.degrees(value) for value in (rest.before, rest.after))
     _put(
         written,
         [
-            f"Encoder's error: {before:.3g} -> {after:.2g} deg rms; the rest comes from the table's own "
-            "rounding.",
+            f"Encoder's error: {before:.3g} deg rms, with the table {after:.2g} deg rms by its rounding.",
             f"{adapter.title}, encoder {frame.encoder}: {written.entries} entries, {written.scale}.",
         ],
         output,
@@ -234,7 +237,8 @@ def _predict(
         )
     elif not frame.gains:
         lacking = (
-            "the gains of the drive's law are not known: expected them in the --drive-config file of identify"
+            "the gains of the drive's law are unknown: expected identify with a --drive-config file that has "
+            "them"
         )
     if study is not None and study.resolve() == source.resolve():
         lacking = "expected a folder other than that of cogless identify"
@@ -247,14 +251,14 @@ def _predict(
     for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
         texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
         lines.append(
-            f"Ripple at {ripple.speed} r/min: {texts['without']} -> {texts['table']} r/min rms with the "
-            f"table; {texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
+            f"Ripple at {ripple.speed} r/min: {texts['without']} r/min rms, {texts['table']} with the table, "
+            f"{texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
         )
-    simulated = f"Simulated forward, under {adapter.title}'s own law"
+    simulated = f"Simulated in forward direction under {adapter.title}'s own law"
     if study is None:
         return [
             *lines,
-            f"{simulated}; --study DIR writes the simulated study, to try gains with.",
+            f"{simulated}; --study DIR writes the simulated study, in which you can try gains.",
         ], []
     names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
     with locked_folder(study, names), new_set(study) as stage:
@@ -282,8 +286,8 @@ def _source(
 
     to = target.name
     logs = "" if target.read_logs is None else f"logs of {to}, or "
-    shift = f"{logs}--shift ANGLE, what {to}'s encoder shows where the source's angle is zero"
-    unknown = f"its angle does not count from {to}'s index: expected {shift}"
+    shift = f"{logs}--shift ANGLE, the angle of {to}'s encoder where the source's angle is zero"
+    unknown = f"its angle does not start at the index of {to}: expected {shift}"
     if from_ is not None:
         adapter = adapter_named(from_, "--from")
         if adapter.read_table is None:
@@ -319,6 +323,6 @@ def _instructions(written: TableText, output: Path | None) -> list[str]:
     return [
         f"Install: {written.install.replace('FILE', file)}",
         f"Check the sign: {written.sign_check}.",
-        f"Take out: {written.remove}",
+        f"Remove: {written.remove}",
         *written.notes,
     ]

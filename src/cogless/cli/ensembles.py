@@ -43,10 +43,12 @@ def sweep(
     dask: DaskOption = None,
     shard: Annotated[
         str | None,
-        typer.Option("--shard", metavar="I/N", help="Run only part I of N of a job array, such as 3/20."),
+        typer.Option(
+            "--shard", metavar="I/N", help="Run only part I of N parts, such as 3/20, as in a job array."
+        ),
     ] = None,
     merge: Annotated[
-        bool, typer.Option("--merge", help="Combine the finished shards that are in the output directory.")
+        bool, typer.Option("--merge", help="Combine the finished shards in the output directory.")
     ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
@@ -54,8 +56,8 @@ def sweep(
 
     The table `vary` of the study says what varies.
 
-    Writes sweep.parquet, a row for each run, and report.html. The same command goes on
-    where it stopped; a larger -n adds variants.
+    Writes sweep.parquet, with a row for each run, and report.html. If you repeat the command, it goes on
+    where it stopped. A larger -n adds variants.
     """
     from cogless.ensemble import sweep as sweeping
     from cogless.ensemble import sweep_table
@@ -96,10 +98,11 @@ def tune(
     dask: DaskOption = None,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Choose gains as a study's tune table says, and check them on fresh variants of the study.
+    """Choose the gains with which a metric is best, and check them on fresh variants of the study.
 
-    Writes STUDY-tuned.toml, a copy of the study with the better values, and report.html, which compares
-    before and after. The same command goes on where it stopped.
+    The table `tune` of the study says which gains and which metric. Writes STUDY-tuned.toml, a copy of the
+    study with the better values, and report.html, which compares before and after. If you repeat the command,
+    it goes on where it stopped.
     """
     from cogless.ensemble import search, sweep_table
     from cogless.ensemble import tune as tuning

@@ -31,10 +31,10 @@ EXIT_DIFFERENT = 1
 
 def export(
     study: StudyArgument,
-    to: Annotated[str, typer.Option("--to", metavar="c|fmu", help="What to write.", show_default=False)],
+    to: Annotated[str, typer.Option("--to", metavar="c|fmu", help="Form of the export.", show_default=False)],
     output: Annotated[
         Path,
-        output_option("Folder of the export; with --to c: new, empty, or from an earlier export."),
+        output_option("Folder of the export. With --to c it must be new, empty, or from an earlier export."),
     ],
     controller: ControllerOption = None,
     scenario: ScenarioOption = None,
@@ -42,11 +42,11 @@ def export(
 ) -> None:
     """Write a controller for firmware (c), or for other simulators (fmu).
 
-    c: constants of the controller, the code, a self-test, an example. The self-test repeats the beginning of
-    the scenario. With a linear plant, or with the law microstepping, the export is the law without a drive.
+    c: code and constants of the controller, a self-test and an example. The self-test repeats the beginning
+    of the scenario. For a linear plant and for the law microstepping, the export has the law without a drive.
 
     fmu: one FMU of the controller, and one of the whole drive in the scenario, with the controller inside.
-    Each is for FMI 2.0 and 3.0 (co-simulation). Your C and C++ compilers (CC and CXX) build it.
+    Each is for FMI 2.0 and 3.0 (co-simulation). Your C and C++ compilers (CC and CXX) build them.
     """
     from cogless.export.prepared import first_scenario
 
@@ -94,7 +94,7 @@ def pil(
             "--ticks",
             min=1,
             metavar="N",
-            help="Number of current-loop periods, at most those of the scenario.",
+            help="Number of current-loop periods to run, at most as many as the scenario has.",
         ),
     ] = 100_000,
     compiler: Annotated[
@@ -111,8 +111,8 @@ def pil(
 ) -> None:
     """Run the exported controller on an emulated Cortex-M4F, in closed loop with the simulated plant.
 
-    Compares every output of every period, and what was learned, with the simulation, bit for bit; counts
-    instructions, stack, flash and RAM. Exit code 1 if anything differs.
+    Compares every output of every period and all learned values with the simulation, bit for bit. Counts
+    instructions, stack, flash and RAM. The exit code is 1 if anything differs.
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
@@ -139,7 +139,8 @@ def pil(
 
 def map_(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A stored map, or a dump of flash that has some.")
+        Path,
+        typer.Argument(metavar="FILE", help="A stored map, or a dump of flash that contains stored maps."),
     ],
     csv: Annotated[
         Path | None,
@@ -147,32 +148,32 @@ def map_(
             "--csv",
             parser=place,
             metavar="FILE",
-            help="Write the newest map's entries as CSV. With - as the file, print them instead.",
+            help="Write the entries of the newest map to this file, as CSV. With - as the file, print them.",
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("Write the newest map alone, without the rest of FILE.", "FILE"),
+        output_option("Write only the newest map to this file, without the rest of the dump.", "FILE"),
     ] = None,
     motor: Annotated[
         str | None,
         typer.Option(
             "--motor",
             metavar="ID",
-            help="With --output: write the map with this identity, the number that your firmware gives this "
+            help="Only with --output: identity for the written map. Your firmware gives this number to its "
             "motor, such as 0x1F2E3D4C.",
         ),
     ] = None,
 ) -> None:
     """Show learned maps as firmware stores them: each map's motor and content, or why it is not valid.
 
-    The newest map is the one that firmware would load. Exit code 2 if no map is valid.
+    The newest map is the one that firmware would load. The exit code is 2 if no map is valid.
     """
     from cogless.maps import stored_map
     from cogless.maps.stored_map import identity, map_lines, to_csv
 
     if motor is not None and output is None:
-        raise StudyError("--motor: expected --output too")
+        raise StudyError("--motor: expected --output, too")
     places = stored_map.read(file)
     newest = stored_map.newest(places)
     if newest is None:

@@ -36,7 +36,7 @@ def identify(
         typer.Option(
             "--config",
             metavar="FILE",
-            help="TOML file: columns of the logs, known values of the motor, kinds of logs.",
+            help="TOML file with the columns of the logs, known values of the motor and kinds of logs.",
         ),
     ] = None,
     drive: Annotated[
@@ -44,17 +44,21 @@ def identify(
         typer.Option(
             "--drive",
             metavar="NAME",
-            help="The drive that wrote the logs, as `cogless drives` names it. --config then needs no "
+            help="Drive that wrote the logs, by its name in `cogless drives`. --config then needs no "
             "columns.",
         ),
     ] = None,
     drive_config: Annotated[
         Path | None,
-        typer.Option("--drive-config", metavar="FILE", help="The drive's own dump of its configuration."),
+        typer.Option(
+            "--drive-config",
+            metavar="FILE",
+            help="File with the drive's configuration, such as its own dump.",
+        ),
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("Directory of the results. Default: results/identified, or results/plan."),
+        output_option("Directory of the results. Default: results/identified, with --plan results/plan."),
     ] = None,
     plan: Annotated[
         str | None,
@@ -62,7 +66,7 @@ def identify(
             "--plan",
             metavar="STUDY",
             autocompletion=complete_study,
-            help="Write which motions to record for the motor of this study (name or file).",
+            help="Write a plan of the motions to record, for the motor of this study (name or file).",
         ),
     ] = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write a PNG picture of the orders.")] = False,
@@ -71,8 +75,8 @@ def identify(
 
     From logs of an accelerometer on a printer's axis, find the correction of the axis's step motor.
 
-    Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
-    tell is left out, with a sentence on what to record.
+    Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs do
+    not show is left out, and a sentence says what to record.
     """
     from cogless.results.folder import locked_folder, new_set
 
@@ -81,7 +85,7 @@ def identify(
         if logs or config is not None:
             first_log = "--config" if not logs else str(logs[0])
             raise StudyError(
-                f"identify: --plan {plan}: expected no logs and no --config beside it, got {first_log}: "
+                f"identify: --plan {plan}: expected neither logs nor --config, but got {first_log}: "
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
@@ -123,14 +127,14 @@ def identify(
         return
     if not logs:
         raise StudyError(
-            "identify: expected logs, with --config FILE or --drive NAME; or without logs --plan STUDY"
+            "identify: expected logs with --config FILE or --drive NAME, or --plan STUDY without logs"
         )
     output = output or Path("results/identified")
     if printer is not None:
         if config is not None:
             raise StudyError(
-                f"identify: --drive {drive} --config {config}: expected --drive-config FILE, with a "
-                "table [printer], in place of --config"
+                f"identify: --drive {drive} --config {config}: expected --drive-config FILE with a "
+                "table [printer] instead of --config"
             )
         identify_axis(printer, logs, drive_config, output)
         return
@@ -176,7 +180,7 @@ def identify(
     if runs:
         commands.append(f"{program()} {shlex.join(['run', str(output / 'study.toml')])}")
     else:
-        commands.append(f"{program()} identify --plan STUDY, for what to record")
+        commands.append(f"{program()} identify --plan STUDY, which says what to record")
     for number, text in enumerate(commands):
         print(f"{'  or' if number else 'Next'}: {text}")
 
@@ -227,7 +231,7 @@ def diagnose(
         typer.Option(
             "--config",
             metavar="FILE",
-            help="TOML file: columns of the logs, known values of the motor, kinds of logs.",
+            help="TOML file with the columns of the logs, known values of the motor and kinds of logs.",
         ),
     ],
     output: Annotated[
@@ -237,8 +241,8 @@ def diagnose(
 ) -> None:
     """Say where the ripple in a drive's logs comes from.
 
-    For each order, at each log's speed and load: the shares of cogging, K_t ripple, dead time, the currents'
-    offset and gain, the encoder and mechanics. Also how sure each share is.
+    For each order, at the speed and load of each log: the shares of cogging, K_t ripple, dead time, offset
+    and gain of the current sensors, encoder and mechanics. Also how certain each share is.
     """
     from cogless.identify import diagnosis
 

@@ -82,14 +82,14 @@ def new(
         Text,
         _number(
             "--resistance",
-            "Between two terminals, in ohm. Of one phase: '0.28 ohm/phase'. Of a step motor: of one coil.",
+            "Between two terminals, in ohm; of one phase: '0.28 ohm/phase'. For a step motor: of one coil.",
         ),
     ] = None,
     inductance: Annotated[
         Text,
         _number(
             "--inductance",
-            "Between two terminals, in mH. Of one phase: '0.55 mH/phase'. Of a step motor: of one coil.",
+            "Between two terminals, in mH; of one phase: '0.55 mH/phase'. For a step motor: of one coil.",
         ),
     ] = None,
     inertia: Annotated[Text, _number("--inertia", "Inertia of rotor and load together, in kg*m^2.")] = None,
@@ -97,14 +97,15 @@ def new(
         Text,
         _number(
             "--load-inertia",
-            "Inertia of the load alone, in kg*m^2; usually at most 10 times the rotor's, which is guessed.",
+            "Inertia of the load alone, in kg*m^2, usually at most 10 times the rotor's. The rotor's is "
+            "guessed.",
         ),
     ] = None,
     rated_current: Annotated[
         Text,
         _number(
             "--rated-current",
-            "Continuous current: peak of a phase, in A. Of a step motor: of one coil.",
+            "Continuous current (peak of a phase), in A. For a step motor: of one coil.",
         ),
     ] = None,
     rated_torque: Annotated[Text, _number("--rated-torque", "Continuous torque, in N*m.")] = None,
@@ -116,16 +117,16 @@ def new(
     ] = None,
     step_angle: Annotated[Text, _number("--step-angle", "Full step of a step motor, in deg.")] = None,
     cogging: Annotated[
-        Text, _number("--cogging", "Whole cogging torque, all orders: half of peak to peak, in N*m.")
+        Text, _number("--cogging", "Cogging torque of all orders together, half of peak to peak, in N*m.")
     ] = None,
     friction: Annotated[Text, _number("--friction", "Friction torque of the turning rotor, in N*m.")] = None,
     bits: Annotated[Text, _number("--bits", "Bits of an absolute encoder.")] = None,
     cpr: Annotated[
-        Text, _number("--cpr", "Counts a revolution of an incremental encoder: 4 times its lines (PPR).")
+        Text, _number("--cpr", "Counts per revolution of an incremental encoder, 4 times its lines (PPR).")
     ] = None,
     bus_voltage: Annotated[Text, _number("--bus-voltage", "Voltage of the supply, in V.")] = None,
     current_limit: Annotated[
-        Text, _number("--current-limit", "Largest current that the drive gives a phase (peak), in A.")
+        Text, _number("--current-limit", "Largest phase current of the drive (peak), in A.")
     ] = None,
     current_rate: Annotated[
         Text, _number("--current-rate", "Rate of the current loop, usually that of the PWM, in Hz.")
@@ -177,7 +178,7 @@ def _path(name: str, force: bool) -> Path:
     if not path.stem or path.is_dir():
         raise StudyError(f"{name}: expected a name of a study, such as my_motor")
     if path.exists() and not force:
-        raise StudyError(f"{path}: the file exists: expected a new name, or --force")
+        raise StudyError(f"{path}: the file exists: expected a new name, or --force to replace the file")
     return path
 
 
@@ -426,7 +427,7 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
         lines += ["", *_wrapped("No guess, at either end of its range, makes harmonic hold this speed.")]
     elif effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
-        of_runs = f", by runs of {ranking.duration:.2g} s" if ranking.duration else ""
+        of_runs = f", as runs of {ranking.duration:.2g} s show" if ranking.duration else ""
         lines += ["", f"{count} most{of_runs}. Measure or look up first:"]
     for place, effect in enumerate(effects, 1):
         head = f"{place}. {effect.guess.name}, {effect.guess.span} ({effect.guess.key}):"

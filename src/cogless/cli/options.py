@@ -67,7 +67,7 @@ JobsOption = Annotated[
         "--jobs",
         "-j",
         min=1,
-        help="Number of runs at the same time.",
+        help="Number of parallel runs.",
         show_default="one per core",
         metavar="N",
     ),
@@ -78,7 +78,7 @@ ControllerOption = Annotated[
     typer.Option(
         "--controller",
         metavar="NAME",
-        help="Which controller of the study. Always needed.",
+        help="Controller of the study. Required.",
         show_default=False,
         autocompletion=complete_controller,
     ),
@@ -100,7 +100,7 @@ LimitsOption = Annotated[
     typer.Option(
         "--limits/--no-limits",
         help="Find what limits each scenario's best run, by about a dozen further runs.",
-        show_default="on, unless the runs are long or run code of your own",
+        show_default="on, unless the runs take long or run your own code",
     ),
 ]
 
@@ -109,7 +109,7 @@ OnlyOption = Annotated[
     typer.Option(
         "--only",
         metavar="SCENARIO/CONTROLLER",
-        help="Run only these pairs; * stands for any text, ? for one character. Repeatable.",
+        help="Run only these pairs. * stands for any text, ? for any character. Repeatable.",
         autocompletion=complete_run,
     ),
 ]
@@ -118,7 +118,7 @@ OutputOption = Annotated[
     Path | None,
     output_option(
         "Directory of the results.",
-        show_default="results/NAME, the study's name; for study.toml its folder's",
+        show_default="results/NAME: the name of the study, or for study.toml of its folder",
     ),
 ]
 
@@ -129,7 +129,7 @@ DaskOption = Annotated[
 
 NoCodeOption = Annotated[
     bool,
-    typer.Option("--no-code", help="Refuse a study that brings its own code, in Python or a library."),
+    typer.Option("--no-code", help="Refuse a study that runs code of its own (Python or a library)."),
 ]
 
 

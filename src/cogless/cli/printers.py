@@ -59,7 +59,7 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
     assert adapter.identify_runs is not None
     if file is None:
         raise StudyError(
-            f"--drive {adapter.name}: expected --drive-config FILE with [printer]: "
+            f"--drive {adapter.name}: expected --drive-config FILE with a table [printer] of "
             "motor, step_angle, pulley_teeth, current, travel, start_x, start_y"
         )
     with locked_folder(output, [CORRECTION_FILE, REPORT_FILE]):
@@ -94,7 +94,7 @@ def correction_lines(correction: Correction) -> list[str]:
         for n, entry in sorted(entries.items()):
             size = abs(entry.value)
             way = 1e6 * size * correction.wavelength / math.tau
-            doubt = "" if entry.error < size else ", no more than its error"
+            doubt = "" if entry.error < size else ", smaller than its error"
             lines.append(
                 f"{direction:<8} order {n}: {size:.4f} rad (+-{entry.error:.4f}), phase "
                 f"{cmath.phase(entry.value):+.3f} rad; {way:.2f} um at a slow speed, a stripe every "
@@ -104,7 +104,8 @@ def correction_lines(correction: Correction) -> list[str]:
     if friction is not None:
         torque = "" if friction.torque is None else f", {1e3 * friction.torque:.3g} mN*m"
         lines.append(
-            f"Friction, if order 4 is detent: {friction.angle:.3f} rad (+-{friction.error:.3f}){torque}."
+            f"Friction, if order 4 comes from the detent: {friction.angle:.3f} rad "
+            f"(+-{friction.error:.3f}){torque}."
         )
     return [*lines, *correction.remarks]
 
@@ -136,7 +137,7 @@ def write_correction(adapter: Adapter, source: Path, current: str | None, output
     file = str(output) if output is not None else "FILE"
     print(f"Current: {correction.current:.4g} A rms; another current needs its own runs.")
     print(f"Install: {written.install.replace('FILE', file)}")
-    print(f"Take out: {written.remove}")
+    print(f"Remove: {written.remove}")
     if output is not None:
         with replacing(output) as temporary:
             temporary.write_text(written.text, "utf-8")
@@ -178,7 +179,8 @@ def stripe(
     diagonal: Annotated[
         bool,
         typer.Option(
-            "--diagonal", help="The wall runs along a diagonal of a CoreXY, which one motor alone moves."
+            "--diagonal",
+            help="The wall runs along a diagonal of a CoreXY printer, so that only one motor moves.",
         ),
     ] = False,
 ) -> None:
@@ -191,7 +193,8 @@ def stripe(
     angle = _quantity("--step-angle", step_angle, units.ANGLE)
     if not teeth_of(angle):
         raise StudyError(
-            f'--step-angle: "{step_angle}": expected 360 deg over four times the teeth, such as "1.8 deg"'
+            f'--step-angle: "{step_angle}": expected 360 deg divided by four times the number of teeth, such '
+            'as "1.8 deg"'
         )
     length, velocity = (
         _quantity("--spacing", spacing, units.LENGTH),

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 MAPS = "maps"  # folder of the learned maps, within the folder of the results
 ACCELEROMETER = "accelerometer"  # folder of the accelerometer's logs, within the folder of the results
-WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
+WRITING = "Interrupted: cogless is writing the results. Press Ctrl-C again to stop at once without results.\n"
 
 
 def run(
@@ -58,7 +58,7 @@ def run(
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
-    every_metric: Annotated[bool, typer.Option("--all", help="Print every metric, too.")] = False,
+    every_metric: Annotated[bool, typer.Option("--all", help="Also print all metrics.")] = False,
 ) -> None:
     """Simulate a study (every controller in every scenario) or an arena (every law on every plant).
 
@@ -234,15 +234,15 @@ def design(
     study: StudyArgument,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
-    whole: Annotated[bool, typer.Option("--long", help="Print every number, as a table.")] = False,
+    whole: Annotated[bool, typer.Option("--long", help="Print all numbers as a table.")] = False,
 ) -> None:
-    """Say before any run whether each controller's learning settles and how fast; show margins and gains.
+    """Predict without a run whether each controller's learning settles and how fast. Show margins and gains.
 
-    A study of speed shows the gains (given or from a tuning rule), the loop's margins, and whether learning
+    For a study of speed: the gains (given or from a tuning rule), the loop's margins, and whether learning
     settles.
 
-    A study of trials, which repeats one motion, shows the gains (given or computed) and whether it is proven
-    that the error falls from trial to trial.
+    For a study of trials, which repeat one motion: the gains (given or computed), and whether the error is
+    proven to fall from trial to trial.
     """
     from cogless.design.kinds import DESIGNS
 
@@ -262,9 +262,10 @@ def calibrate(
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Fit parameters of a study to target values of its metrics, as its calibration table says.
+    """Fit parameters of a study so that its metrics reach target values.
 
-    Prints the fitted values as lines for the study, and each target beside its fitted value. Changes no file.
+    The table `calibration` of the study names the parameters and targets. Prints the fitted values as lines
+    for the study, and the target and the fitted value of each metric. Changes no file.
 
     Ctrl-C prints the best fit so far.
     """
@@ -279,12 +280,12 @@ def calibrate(
         )
     from rich.table import Table
 
-    outcome = "interrupted; the best fit so far is off by" if fit.interrupted else "fitted to"
-    print(f"# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
+    outcome = "interrupted; deviation of the best fit so far:" if fit.interrupted else "deviation of the fit:"
+    print(f"# {outcome} {100 * fit.deviation:.2f} % (rms of all targets)")
     for parameter in fit.parameters:
         print_text(f"{parameter.toml}  # was {parameter.before}", others="# ")
     table = Table(
-        "run", "metric", "wanted", "got", "deviation", box=None, header_style="bold", pad_edge=False
+        "run", "metric", "target", "fitted", "deviation", box=None, header_style="bold", pad_edge=False
     )
     for row in residual_rows(fit):
         table.add_row(*row)
@@ -350,7 +351,7 @@ def live(
         bool,
         typer.Option(
             "--own-motor",
-            help="Add fields for the values of your own motor. The controllers get these values, too.",
+            help="Add fields for the values of your own motor. The controllers use these values, too.",
         ),
     ] = False,
     limits: LimitsOption = None,
@@ -376,7 +377,7 @@ def live(
     if not closed and has_desktop():
         open_page(path)
     elif not closed:
-        say("Open it in a browser.")
+        say("Open this page in a browser.")
 
 
 def _limits(study: AnyStudy, asked: bool | None, jobs: int) -> dict[str, str]:

@@ -33,8 +33,8 @@ FRAME_FILE = "drive.json"  # stands beside the results of identify
 class Certainty(StrEnum):
     """How sure it is that a format is read or written as its firmware does."""
 
-    SOURCE = "verified in its source"
-    MANUAL = "by its manual"
+    SOURCE = "verified in the drive's source"
+    MANUAL = "by the drive's manual"
     DRIVE = "needs one test on the drive"
     OWN = "a format of cogless"
 
@@ -224,6 +224,6 @@ def read_columns(path: Path, names: Sequence[str], needed: Sequence[str], title:
 def frame_from(path: Path) -> TableFrame:
     """The frame that identify wrote beside its results. StudyError: the file is no such one."""
     try:
-        return TableFrame(**json.loads(text_of(path, "what identify --drive writes")))
+        return TableFrame(**json.loads(text_of(path, "a file that identify --drive writes")))
     except (TypeError, ValueError):
         raise StudyError(f"{path}: expected what identify --drive writes") from None

@@ -12,8 +12,8 @@ from cogless.drives.holding_current import HoldingCurrent, samples
 WAVE_ENTRIES = 8  # entries for a wave of the highest order
 ENTRIES_LEAST, ENTRIES_MOST = 128, 4096
 SHARE_CHECK = (
-    "COGGING_SHARE 0.3f, then -0.3f, each at a slow speed: "
-    "the ripple falls with the first and grows with the second"
+    "set COGGING_SHARE to 0.3f, then to -0.3f, each at a slow speed: the ripple falls with 0.3f and grows "
+    "with -0.3f"
 )
 
 HEADER_TEXT = """\
@@ -69,7 +69,7 @@ def header(
         "float, A",
         lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
         install=install,
-        remove="#define COGGING_SHARE 0.0f in it",
+        remove="#define COGGING_SHARE 0.0f in the header",
         sign_check=SHARE_CHECK,
         notes=(note,),
         table_params={"entries": table.entries},

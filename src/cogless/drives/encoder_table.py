@@ -20,7 +20,10 @@ VESC_CELLS, VESC_DEGREES_MOST = 360, 120  # cells in a revolution; deg electrica
 SIGN_CHECK = (
     "identify again from new logs: the encoder's orders are gone; with the wrong sign they are twice as large"
 )
-MOVED_NOTE = "It moves the index of the cogging table: make new logs and a new cogging table after it."
+MOVED_NOTE = (
+    "This correction moves the index of the cogging table: afterwards record new logs and write a new "
+    "cogging table."
+)
 SIMPLEFOC_TEXT = """\
 // Encoder correction for SimpleFOC, by cogless. CalibratedSensor of its drivers subtracts it:
 //     CalibratedSensor calibrated(sensor, ENCODER_ENTRIES, encoder_table);
@@ -62,8 +65,8 @@ def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
     """
     if frame.encoder_table_on:
         raise StudyError(
-            f"{correction.source}: the logs were made with a table of the encoder: expected logs without "
-            "this table (compensation_scale 0), since the new table replaces it"
+            f"{correction.source}: the logs were recorded with an encoder table: expected logs without this "
+            "table (compensation_scale 0), since the new table replaces it"
         )
     values = samples(correction.turned(frame.direction), MOTEUS_POINTS, 1, "linear") / math.tau
     scale = float(np.float32(np.max(np.abs(values))))
@@ -89,7 +92,8 @@ def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
         remove=f'in tview: "conf set {prefix}.compensation_scale 0", then "conf write"',
         sign_check=SIGN_CHECK,
         notes=(
-            "It moves the index of the cogging table: calibrate, then make new logs and a new cogging table.",
+            "This correction moves the index of the cogging table: calibrate, record new logs and write a "
+            "new cogging table.",
         ),
     )
 
@@ -128,8 +132,8 @@ def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
         remove="link the sensor itself: motor.linkSensor(&sensor)",
         sign_check=SIGN_CHECK,
         notes=(
-            "CalibratedSensor(sensor, count, table) is in its drivers' source at 011c612. Releases whose "
-            "CalibratedSensor takes the sensor alone take no table.",
+            "CalibratedSensor(sensor, count, table) is in the source of SimpleFOC's drivers at 011c612. "
+            "Releases whose CalibratedSensor takes only the sensor take no table.",
             MOVED_NOTE,
         ),
     )
@@ -168,5 +172,8 @@ def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
         remove="(enc-corr-en 0) there",
         sign_check="at a steady speed and load the mean of q_axis_current falls with the table and grows "
         "with the wrong sign, by 1 % each for errors of some 8 deg electrical rms",
-        notes=("It corrects the phase of the current only: position and speed keep the encoder's error.",),
+        notes=(
+            "The correction acts only on the phase of the current: position and speed keep the encoder's "
+            "error.",
+        ),
     )

@@ -57,7 +57,7 @@ def faults(
                 "a fault"
             )
         at = f"{path.name}: {heading} is {flag[first]:g} from {t[first]:.3g} s on, a fault of the drive"
-        rows, remarks = first, [f"{at}: the log is used up to there."]
+        rows, remarks = first, [f"{at}: the log is used up to this time."]
     if modes is not None:
         remarks += _mode_end(path, t[:rows], modes[:rows], controls)
     return Faults(rows, remarks)
@@ -70,6 +70,6 @@ def _mode_end(path: Path, t: Array, modes: Array, controls: int) -> list[str]:
     if after >= len(t) or t[-1] - t[after] < LEFT_TIME_LEAST:
         return []
     return [
-        f"{path.name}: the mode is {modes[after]:g} in place of {controls} from {t[after]:.3g} s on: there "
-        "the drive does not control the motor."
+        f"{path.name}: from {t[after]:.3g} s on the mode is {modes[after]:g} instead of {controls}: in this "
+        "mode the drive does not control the motor."
     ]

@@ -137,7 +137,7 @@ def from_identified(folder: Path) -> HoldingCurrent:
         "cogging",
         amplitude="amplitude_N_m",
         divisor="K_t_N_m_per_A",
-        expected="expected logs that show the cogging; left_out in this file tells the reasons",
+        expected="expected logs that show the cogging; left_out in this file says why the cogging is missing",
     )
     return HoldingCurrent(waves, K_t, str(folder))
 

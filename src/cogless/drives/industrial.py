@@ -39,8 +39,8 @@ def write_akd(current: HoldingCurrent, frame: TableFrame) -> TableText:
         "first and grows with the second",
         notes=(
             "The manual says neither the sign, nor whether a current is peak or rms, nor the file's layout: "
-            "export the drive's own table first, and give this one its layout. If 71 % of this table leaves "
-            "less ripple than all of it, the drive's currents are rms.",
+            "first export the drive's own table, then give this table the same layout. If 71 % of this table "
+            "leaves less ripple than all of it, the drive's currents are rms.",
         ),
     )
 

@@ -45,8 +45,8 @@ def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, N
             row = []
         if len(row) != 4 and number == len(lines):
             raise StudyError(
-                f"{path}: line {number}: the file is cut here: expected the whole file, which Klipper "
-                "still writes when the macro has ended"
+                f"{path}: line {number}: the file is cut here: expected the whole file (Klipper still writes "
+                "it after the macro has ended)"
             )
         if len(row) != 4 or not np.all(np.isfinite(row)):
             raise StudyError(f"{path}: line {number}: expected four finite numbers, as in {KLIPPER_LOG}")
@@ -205,5 +205,6 @@ KLIPPER = Adapter(
     writes=(),
     identify_runs=identify_runs,
     write_runs=write_runs,
-    refusal="it has no correction of its own; --to tmc5160 and others write its driver's wave table",
+    refusal="Klipper has no correction of its own; --to tmc5160 and others write the wave table of its "
+    "driver",
 )

@@ -86,12 +86,12 @@ def recognise(first: Sequence[str]) -> str:
 def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     """All logs with the dump of the drive that made them. StudyError: a file that can't be used."""
     if configuration is None:
-        raise StudyError(f"{paths[0]}: a moteus log: expected --drive-config FILE beside it, {DUMP_HINT}")
+        raise StudyError(f"{paths[0]}: a log of moteus: expected --drive-config FILE with {DUMP_HINT}")
     dump = read_dump(configuration)
     logs = list(_channels(paths, dump))
     if not logs:
         raise StudyError(
-            f"{paths[0]}: no channel {STATS_CHANNEL}: expected the log of this channel beside that of "
+            f"{paths[0]}: no channel {STATS_CHANNEL}: expected a log of this channel for each log of "
             f"{POSITION_CHANNEL}"
         )
     recordings, remarks, frames = [], [], []
@@ -104,14 +104,15 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     volts = float(np.median(np.concatenate(voltages))) if voltages else 0.0
     if np.any(dump.table):
         remarks.append(
-            f"{dump.path}: it has a cogging table, scale {dump.values['motor.cogging_dq_scale']} A: the "
-            "logs are taken as made with it. The whole current is identified, so a new table replaces it."
+            f"{dump.path}: the drive has a cogging table, scale {dump.values['motor.cogging_dq_scale']} A: "
+            "the logs count as recorded with this table. cogless identifies the whole current, so a new "
+            "table replaces the old one."
         )
     directions = {frame.direction for frame in frames if frame.zero}
     if len(directions) > 1:
         raise StudyError(
-            f"{paths[0]}: the encoder counts backward in some logs only: expected logs made with one "
-            "configuration of the drive"
+            f"{paths[0]}: the encoder counts backward in some logs only: expected logs that were recorded "
+            "with one configuration of the drive"
         )
     without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
     if without is not None and directions:
@@ -358,7 +359,7 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
         )
     signals["theta"] = theta + laid.offset
     remark = (
-        f"{log.name}: the table's index is placed on the logged position, with an offset of "
+        f"{log.name}: the table's index is derived from the logged position, with an offset of "
         f"{math.degrees(laid.offset):.2f} +- {math.degrees(laid.error):.2g} deg."
     )
     frame = TableFrame("moteus", laid.direction, zero=True, zero_error=laid.error)
@@ -392,11 +393,11 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
         install="moteus_tool -t 1 --restore-config FILE",
         remove='in tview: "conf set motor.cogging_dq_scale 0", then "conf write"',
         sign_check=f'in tview: "conf set motor.cogging_dq_scale {0.3 * scale:.4g}", then "{-0.3 * scale:.4g}"'
-        ", each at a slow speed: the ripple falls with the first and grows with the second; "
+        ", each at a slow speed: the ripple falls with the first value and grows with the second; "
         f'then "{scale:.4g}" is the whole table again',
         notes=(
-            "moteus adds the table in position mode only, after the limit of the torque.",
-            "A calibration or an encoder compensation moves the index: make the table after them.",
+            "moteus adds the table's current only in position mode, after the torque limit.",
+            "A calibration or an encoder compensation moves the index: write the table afterwards.",
         ),
         table_params={"scale": scale, "entries": entries, "direction": frame.direction},
     )

@@ -198,7 +198,7 @@ def _paths(headings: Sequence[str]) -> dict[str, tuple[str, str]]:
 def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     """Captures, all of one axis. StudyError: a file that can't be used."""
     if configuration is None:
-        raise StudyError(f"{paths[0]}: a log of ODrive: expected --drive-config FILE, {CONFIG_HINT}")
+        raise StudyError(f"{paths[0]}: a log of ODrive: expected --drive-config FILE with {CONFIG_HINT}")
     captures = [_capture(path) for path in paths]
     axes = {axis for _, axis, _, _ in captures}
     if len(axes) > 1:

@@ -140,7 +140,7 @@ def _run(
         )
     if len(samples) < RUN_SAMPLES_LEAST:
         raise StudyError(
-            f"{where}: {len(samples)} samples: expected {RUN_SAMPLES_LEAST} or more, so a longer travel"
+            f"{where}: {len(samples)} samples: expected {RUN_SAMPLES_LEAST} or more, from a longer travel"
         )
     table = np.array(samples)
     for k, name in enumerate("xy"):
@@ -214,8 +214,9 @@ def _checked_share(correction: Correction) -> tuple[float, float]:
 
 def _holds(share: float, largest: float) -> list[str]:
     return [
-        f"It holds every order in each direction; its steps of 1/{PHASE_STEPS} turn leave {share:.1%}.",
-        f"The largest shift is {largest:.3f} rad of {PHASE_MOST:.3f}, where the firmware's table wraps.",
+        f"The table holds every order in each direction. Its steps of 1/{PHASE_STEPS} turn leave "
+        f"{share:.1%}.",
+        f"The largest shift is {largest:.3f} rad. The firmware's table wraps at {PHASE_MOST:.3f} rad.",
     ]
 
 
@@ -247,7 +248,8 @@ def write_m971(correction: Correction) -> CorrectionText:
         "\n".join([*lines, f"M970 {letter}1"]) + "\n",
         share,
         _holds(share, largest),
-        install="send FILE to the printer once; its M971 stores the table. Save what M971 alone prints first",
+        install="first save what M971 alone prints; then send FILE to the printer once, and its M971 stores "
+        "the table",
         remove=f"M970 {letter}0, M971 {letter} F B R, M970 {letter}1; or the printer's own calibration",
     )
 

@@ -168,7 +168,7 @@ def prepare(
     """
     if configuration in paths:
         raise StudyError(
-            f"{configuration}: among the logs and in --drive-config: expected only in --drive-config"
+            f"{configuration}: is among the logs and in --drive-config: expected only in --drive-config"
         )
     remarks = []
     if drive is None:
@@ -179,14 +179,15 @@ def prepare(
                 f"columns, or --drive NAME, one of {able_drives('--drive')}"
             )
         adapter, kind = match
-        remarks.append(f"{paths[0].name}: by its first lines {adapter.title}, {kind}.")
+        remarks.append(f"{paths[0].name}: its first lines are those of {adapter.title}, {kind}.")
     else:
         adapter = adapter_named(drive, "--drive")
         match = recognised(paths[0])
         if match is not None and match[0] is not adapter:
             other, kind = match
             raise StudyError(
-                f"{paths[0]}: by its first lines {other.title}, {kind}: expected a log of {adapter.title}, "
+                f"{paths[0]}: its first lines are those of {other.title}, {kind}: expected a log of "
+                f"{adapter.title}, "
                 f"or --drive {other.name}"
             )
     if adapter.read_logs is None:
@@ -217,7 +218,7 @@ def prepare(
         for recording in logs.recordings
     ]
     if adapter.write is not None and not logs.frame.zero:
-        remarks.append(f"No table can be placed, since {logs.frame.lacking}.")
+        remarks.append(f"No cogging table can be placed on the rotor, since {logs.frame.lacking}.")
     return Prepared(
         identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
     )

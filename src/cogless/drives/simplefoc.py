@@ -213,8 +213,8 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
         frame,
         introduction=INTRODUCTION_TEXT,
         install="copy FILE into the sketch, #include it, and call it in loop() as its first lines say",
-        note="SimpleFOC adds it after current_limit. feed_forward_current is in its source at 7f9c45f; older "
-        "releases lack it.",
+        note="SimpleFOC adds this current after current_limit. Its source has feed_forward_current at "
+        "7f9c45f; older releases lack it.",
     )
 
 

@@ -161,7 +161,7 @@ def recognise(first: Sequence[str]) -> str:
 def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     """Logs of real-time data. StudyError: a file that can't be used."""
     if configuration is None:
-        raise StudyError(f"{paths[0]}: a log of VESC: expected --drive-config FILE, {XML_HINT}")
+        raise StudyError(f"{paths[0]}: a log of VESC: expected --drive-config FILE with {XML_HINT}")
     motor = read_xml(configuration)
     pairs = pole_pairs(motor)
     recordings, remarks, volts = [], [], []
@@ -249,5 +249,5 @@ VESC = Adapter(
     read_logs=read_logs,
     write_encoder=write_vesc,
     mean_currents=True,
-    refusal="it has no table of cogging; its encoder correction is of the angle",
+    refusal="VESC has no cogging table; its encoder correction corrects the angle",
 )

@@ -327,7 +327,7 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
         raise StudyError(f"{refusal} {', '.join(base.scenario)}")
     controllers = {law: _controller(arena, plant, law) for law in laws}
     absent = {
-        law: "this plant's feedback is chosen by hand, and the law has another one"
+        law: "this plant has feedback gains chosen by hand, but the law has another feedback"
         for law, table in controllers.items()
         if table is None
     }

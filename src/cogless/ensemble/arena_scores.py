@@ -258,10 +258,9 @@ def headline(results: ArenaResults) -> str:
         return ""
     labels = " and ".join(map(scores.label, laws))
     count, verb = scores.met(laws[0]), "leaves" if len(laws) == 1 else "leave"
-    plants = "one plant" if count == 1 else f"{count} plants, in the mean"
+    plants = "on one plant" if count == 1 else f"in the mean of {count} plants"
     return (
-        f"{labels} {verb} the least ripple: {score:.3g} times that of {scores.label(scores.bar)}, "
-        f"over {plants}."
+        f"{labels} {verb} the least ripple: {score:.3g} times that of {scores.label(scores.bar)}, {plants}."
     )
 
 
@@ -271,7 +270,7 @@ def table(results: ArenaResults) -> Table:
 
     scores = Scores(to_dict(results))
     scores_table = Table(
-        box=None, pad_edge=False, title=f"Times {scores.label(scores.bar)}, mean over plants"
+        box=None, pad_edge=False, title=f"Multiples of {scores.label(scores.bar)}, mean over plants"
     )
     scores_table.add_column("law")
     for column in SCORE_COLUMNS.values():
@@ -288,6 +287,6 @@ def table(results: ArenaResults) -> Table:
         scores_table.add_row(scores.label(law), *cells, str(scores.met(law)))
     if scores.barless:
         scores_table.caption = (
-            f"In no score, since {scores.label(scores.bar)} was not on it: {', '.join(scores.barless)}."
+            f"No score counts plants without {scores.label(scores.bar)}: {', '.join(scores.barless)}."
         )
     return scores_table

@@ -29,7 +29,7 @@ START_SPREAD = 0.2  # spread of the first settings around the start, in shares o
 def require() -> None:
     """StudyError unless what a search needs is installed."""
     if any(find_spec(name) is None for name in ("optuna", "cmaes", "tomlkit")):
-        raise StudyError("tune: expected the extra: pip install 'cogless[tune]'")
+        raise StudyError("tune: expected more packages: pip install 'cogless[tune]'")
 
 
 @contextmanager

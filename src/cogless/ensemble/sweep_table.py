@@ -100,7 +100,7 @@ def require(command: str) -> None:
     """StudyError unless what a sweep needs is installed. `command`: name of the calling command, also of its
     extra."""
     if find_spec("pyarrow") is None or find_spec("SALib") is None:
-        raise StudyError(f"{command}: expected the extra: pip install 'cogless[{command}]'")
+        raise StudyError(f"{command}: expected more packages: pip install 'cogless[{command}]'")
 
 
 def write(sweep: Sweep, path: Path) -> None:

@@ -283,13 +283,13 @@ def outcome_lines(tuned: Tuned) -> list[str]:
         for knob in tuned.subject.knobs
     ]
     count = tuned.sweep_after.ensemble.count
-    worth = f"{name}: {100 * after.value:.1f} % of its value before, over {count} fresh variants"
+    worth = f"{name}: {100 * after.value:.1f} % of the value before, over {count} fresh variants"
     if before.violation or after.violation:
         worth += (
             f"; limits missed by {100 * before.violation:.1f} % before, {100 * after.violation:.1f} % now"
         )
     if not tuned.adopted:
-        worth += "; this is no better, so the values stay as they were"
+        worth += "; not better, so the values stay as they were"
     return [worth, *changes]
 
 
@@ -380,11 +380,13 @@ def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
     reader = Reader(study, key, ("tune", "keys", key), limits)
     if reader.nominal is MISSING:
         tried(study, "tune.keys", {key: limits[0]})
-        raise reader.wrong("expected the key of a value in the study, from which tuning begins")
+        raise reader.wrong("expected a key that has a value in the study, from which tuning begins")
     low, high = reader.range()
     start = reader.middle()
     if not low <= start <= high:
-        raise reader.wrong(f"expected a range with the study's own value, {toml_text(reader.nominal)}")
+        raise reader.wrong(
+            f"expected a range that contains the study's own value, {toml_text(reader.nominal)}"
+        )
     return Knob(key=key, unit=reader.unit, low=low, high=high, start=start, whole=reader.whole)
 
 
@@ -414,6 +416,6 @@ def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
 
 def _tune_table(study: AnyStudy) -> Tune:
     if study.tune is None:
-        expected = "expected a table of keys, minimise, ..."
+        expected = "expected a table with keys, minimise, ..."
         raise StudyError(f"{study.source.path}: tune: missing: {expected}")
     return study.tune

@@ -119,7 +119,7 @@ def dask(address: str) -> Iterator[Workers]:
     try:
         from distributed import Client
     except ImportError:
-        raise StudyError("--dask: expected the extra: pip install 'cogless[dask]'") from None
+        raise StudyError("--dask: expected more packages: pip install 'cogless[dask]'") from None
     try:
         client = Client(address, timeout=CLUSTER_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

@@ -157,8 +157,8 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     prepared = prepare(study, scenario, controller)
     if prepared.has_bus:
         raise StudyError(
-            f"{study.source.path}: drive.bus: the law runs apart from the drive, across the field bus: "
-            "expected no drive.bus, to export law and drive as one"
+            f"{study.source.path}: drive.bus: behind a field bus the law runs apart from the drive: expected "
+            "no drive.bus, since the export has both in one"
         )
     return prepared
 
@@ -182,7 +182,8 @@ def first_scenario(study: AnyStudy, controller: str, scenario: str | None = None
         return runs_in[0]
     if scenario not in runs_in:
         expected = (
-            f"expected one with controller {controller}: {', '.join(runs_in)}{perhaps(scenario, runs_in)}"
+            f"expected a scenario with controller {controller}: "
+            f"{', '.join(runs_in)}{perhaps(scenario, runs_in)}"
         )
         raise StudyError(f'{path}: scenario: "{scenario}": {expected}')
     return scenario

@@ -69,7 +69,7 @@ def read_parquet(path: Path, headings: list[str]) -> list[LogColumns]:
     try:
         import pyarrow.parquet as pq
     except ImportError:
-        raise StudyError(f"{path}: expected the extra: pip install 'cogless[logs]'") from None
+        raise StudyError(f"{path}: expected more packages: pip install 'cogless[logs]'") from None
     with readable(path, "Parquet"), path.open("rb") as raw, pq.ParquetFile(raw) as file:
         names = file.schema_arrow.names
         present = [name for name in headings if name in names]

@@ -154,7 +154,9 @@ class Identification(Table):
         if column is not None and column.unit == COUNT and not self.counts:
             raise invalid("expected a drive.position_sensor with counts", "columns", "theta", "unit")
         if self.drive.current_reference is not None:
-            raise invalid("expected none: the torque is taken from i_q alone", "drive", "current_reference")
+            raise invalid(
+                "expected no such key: the torque is taken from i_q alone", "drive", "current_reference"
+            )
         for index, rule in enumerate(self.log):
             if rule.controller is not None and rule.controller not in self.controller:
                 raise invalid(one_of(self.controller), "log", index, "controller")

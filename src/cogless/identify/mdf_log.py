@@ -50,7 +50,7 @@ def read_mdf(path: Path, headings: list[str]) -> list[LogColumns]:
     try:
         from asammdf import MDF
     except ImportError:
-        raise StudyError(f"{path}: expected the extra: pip install 'cogless[logs]'") from None
+        raise StudyError(f"{path}: expected more packages: pip install 'cogless[logs]'") from None
     with readable(path, "MDF4"), _silent("asammdf"):
         _check_blocks(path)
         with MDF(path) as file:

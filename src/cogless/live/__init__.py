@@ -18,7 +18,7 @@ def check(study: AnyStudy) -> None:
     """Raise StudyError if a page can hold no law of the study, or if no WebAssembly engine is installed."""
     if not page_runs(study):
         raise StudyError(
-            f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"
+            f"{study.source.path}: live: expected a controller that can run in a page: {left_out(study)[0]}"
         )
     engine.module(study.precision)
 

@@ -270,5 +270,5 @@ def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values:
 def _no_product(number: Number, difference: str) -> StudyError:
     return StudyError(
         f"--own-motor: {number.path}: expected a product of powers of the motor's values{difference}; "
-        "cogless live takes the study without --own-motor"
+        "without --own-motor cogless live accepts the study"
     )

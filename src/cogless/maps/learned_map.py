@@ -130,7 +130,8 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
     count = own / period
     if count.denominator != 1:
         raise MapError(
-            f"a map over {_period_words(period)}: expected one that fits into the law's {_period_words(own)}"
+            f"a map over {_period_words(period)}: expected a period that fits into the law's, "
+            f"{_period_words(own)}"
         )
     cells = law["values"].shape[1]
     if ORDER_CODE in units:
@@ -143,7 +144,7 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
         own_entries = of_current(np.tile(_current(stored), int(count)), law, unit)
     else:
         kind = " and ".join(stored.unit(c)[0] for c in range(stored.channels))
-        raise MapError(f"a map of {kind}: expected one of this law's kind, or of a current alone")
+        raise MapError(f"a map of {kind}: expected a map of this law's kind, or of a current only")
     return entries_within(own_entries, law)
 
 
@@ -155,7 +156,7 @@ def of_current(current: Real, law: Mapping[str, Any], unit: float) -> Real:
         most = (len(current) - 1) // 2
         if orders.max() > most:
             size = f"{len(current)} entries, orders up to {most}"
-            raise MapError(f"{size}: expected the law's {orders.max():g}")
+            raise MapError(f"{size}: expected orders up to the law's {orders.max():g}")
         amplitudes = 2 / len(current) * np.fft.rfft(current)[orders.astype(int)]
         return np.array([amplitudes.real, -amplitudes.imag, orders])
     own_entries[0] = unit * resampled(current, own_entries.shape[1])

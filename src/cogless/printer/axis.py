@@ -58,7 +58,9 @@ class Axis(Table):
     @model_validator(mode="after")
     def _whole_teeth(self) -> Axis:
         if not teeth_of(self.step_angle):
-            raise invalid('expected 360 deg over four times the teeth, such as "1.8 deg"', "step_angle")
+            raise invalid(
+                'expected 360 deg divided by four times the number of teeth, such as "1.8 deg"', "step_angle"
+            )
         if (self.holding_torque is None) != (self.rated_current is None):
             raise invalid("expected it together with rated_current", "holding_torque", value="alone")
         return self

@@ -102,7 +102,7 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
     """
     if study.calibration is None:
         raise StudyError(
-            f"{study.source.path}: calibration: missing: expected a table of parameters, targets"
+            f"{study.source.path}: calibration: missing: expected a table with parameters and targets"
         )
     knobs = [_knob(study, index, parameter) for index, parameter in enumerate(study.calibration.parameters)]
     metrics_of: dict[str, dict[str, Value]] = {}

@@ -93,9 +93,9 @@ def _doubt(request: Request, motor: MotorFacts, flag: str, low: float, high: flo
 def _size_doubt(text: str, motor: MotorFacts, meant: str) -> str:
     """A sentence: the resistance, which alone gives the size, makes the motor's size unusual."""
     own_flag = "rated-torque" if motor.phases == STAR_PHASES else "holding-torque"
-    has = f"so wound, the motor has a torque of about {amount(motor.size.torque, units.TORQUE)}"
+    has = f"with this resistance the motor has a torque of about {amount(motor.size.torque, units.TORQUE)}"
     unit = f", or perhaps you mean {meant}" if meant else ""
-    return f'--resistance: "{text}": {has}; if yours has another, give --{own_flag}{unit}'
+    return f'--resistance: "{text}": {has}; if yours has another torque, give --{own_flag}{unit}'
 
 
 def _value(request: Request, motor: MotorFacts, flag: str) -> float:

@@ -62,7 +62,8 @@ Feedbacks = Mapping[str, tuple[str, str]]  # kp and ki by controller
 BASE_KEY = f"controller.{LEARNING_LAW}.base"
 COMPENSATION = "drive.dead_time_compensation"
 COMPENSATED = (
-    f"Switched on: {COMPENSATION}, with which harmonic leaves less. Your board's firmware needs it, too."
+    f"Switched on: {COMPENSATION}, with which harmonic leaves less ripple. Your board's firmware needs it, "
+    "too."
 )
 OBSERVER_KEYS = ("speed_method", "observer_bandwidth")
 COGGING_FREQUENCY = 40.0  # Hz, frequency of the main order at the chosen speed
@@ -249,7 +250,7 @@ def better_base(study: Study) -> tuple[int, str] | None:
     ripple = {base: answer.ripple for base, answer in zip(rivals, answers, strict=True) if answer.holds}
     complete, roomy = rivals
     beyond = ", ".join(map(str, unlearned_orders(variants[0], LEARNING_LAW)))
-    cogging = f"the orders of the cogging but {beyond}" if beyond else "all orders of the cogging"
+    cogging = f"all orders of the cogging but {beyond}" if beyond else "all orders of the cogging"
     learns = f"base {complete} learns {cogging}, base {roomy} the error of the sensor"
     of_run = f"in the run of {run.duration:g} s below, with these numbers"
     if not ripple:
@@ -371,7 +372,7 @@ def _check_constants(request: Request) -> None:
 def _refuse(request: Request, names: tuple[str, ...], why: str) -> None:
     for name in names:
         if name in request.numbers:
-            raise RequestError(name, request.numbers[name].text, f"expected none, {why}")
+            raise RequestError(name, request.numbers[name].text, f"expected no such option, {why}")
 
 
 # mechanics
@@ -415,7 +416,7 @@ def _voltage(request: Request, motor: MotorFacts, drive: Part) -> Figure:
     if stated is not None:
         if not bears.low <= stated <= bears.high:
             text = request.numbers["bus-voltage"].text
-            within = f"expected {bears.low:g} to {bears.high:g} V, which {request.drive} bears"
+            within = f"expected {bears.low:g} to {bears.high:g} V, the range of {request.drive}"
             raise RequestError("bus-voltage", text, within)
         return Figure(typical=stated, low=stated, high=stated, reason="", is_guess=False)
     usual = motor.part["bus_voltage"]

@@ -413,7 +413,9 @@ def _teeth(request: Request, part: Part) -> int:
     teeth = teeth_of(angle)
     if not teeth:
         text = request.numbers["step-angle"].text
-        raise RequestError("step-angle", text, "expected 360 deg over four times the teeth, such as 1.8 deg")
+        raise RequestError(
+            "step-angle", text, "expected 360 deg divided by four times the number of teeth, such as 1.8 deg"
+        )
     return teeth
 
 

@@ -32,13 +32,13 @@ class FitParameter(Table):
     """
 
     key: str
-    """Dotted key of a quantity of the study."""
+    """Dotted key of the quantity to fit, such as `mechanics.inertia`."""
     scenario: str | None = None
-    """If given, the key is one of that scenario's `override`."""
+    """Scenario in whose `override` the key stands. Default: the key is one of the study itself."""
     initial: str | float | None = None
-    """Where the fit starts. Default: the value in the study."""
+    """Value at which the fit starts. Default: the value in the study."""
     lower: str | float | None = None
-    """Lower bound, a text with a unit, or a number in the unit of the key's present value. Default: none."""
+    """Lower bound: a text with a unit, or a number in the unit of the value in the study. Default: none."""
     upper: str | float | None = None
     """Upper bound, written like `lower`."""
 
@@ -53,9 +53,10 @@ class Target(Table):
     metric: str
     """Name of the metric."""
     value: Any
-    """Its target, with a unit; a list for kind `order`."""
+    """Value that the metric should have, with a unit. Kind `order` takes a list with one value for each
+    order."""
     weight: Annotated[float, Field(gt=0)] = 1.0
-    """Weight of its relative deviation."""
+    """Weight of this target's relative deviation in the fit."""
 
     def values(self, metric: Metric, count: int) -> tuple[float, ...]:
         """The target values in SI. Refuses another number of values than `count`, and an invalid value."""
@@ -70,7 +71,7 @@ class Calibration(Table):
     """A fit of parameters by least squares of the relative deviations from the targets."""
 
     parameters: Many[FitParameter]
-    """Quantities that are fitted."""
+    """Quantities to fit."""
     targets: Many[Target]
     """Values that the metrics should have."""
 
@@ -94,18 +95,19 @@ class Distribution(Table):
     """
 
     uniform: Number | Many[Number] | None = None
-    """Evenly distributed. One number is the deviation to both sides of the study's value, two are limits.
-    Units are the key's, or % of the study's value."""
+    """Evenly distributed. One number: the largest deviation from the study's value, to both sides. Two
+    numbers: the limits. Write them with the key's unit, or in % of the study's value."""
     log: Number | Many[Number] | None = None
-    """Evenly distributed in its logarithm, between two limits. One number, `"50 %"`, is from the study's
-    value over 1.5 to 1.5 times it."""
+    """The logarithm is evenly distributed between two limits. One number, such as `"50 %"`: the limits are
+    the study's value divided by 1.5 and times 1.5."""
     normal: Number | Many[Number] | None = None
-    """Normally distributed: standard deviation, or mean and standard deviation. Cut off at three deviations.
-    """
+    """Normally distributed. One number: the standard deviation around the study's value. Two numbers: mean
+    and standard deviation. Values are cut off at three standard deviations."""
     corners: Number | Many[Number] | None = None
-    """One of two limits, as for `uniform`: with several keys, all combinations."""
+    """One of two limits, which are written as for `uniform`. With several such keys, all combinations of
+    their limits."""
     list: Many[Any] | None = None
-    """One of these values, each equally often; numbers, texts, whatever the key takes."""
+    """One of these values, each equally often. They are numbers, texts, or whatever else the key takes."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -113,7 +115,7 @@ class Distribution(Table):
             raise invalid(f'expected one of {", ".join(SPREAD_FORMS)}, such as uniform = "20 %"')
         form, value = self.form
         if isinstance(value, tuple) and form != "list" and len(value) != 2:
-            raise invalid("expected one number, or two", form)
+            raise invalid("expected one number or two numbers", form)
         if value == ():
             raise invalid("expected one or more", form)
         return self
@@ -129,10 +131,10 @@ class Together(Table):
     """Keys whose values are correlated: the correlation of each pair, behind every distribution."""
 
     keys: Many[str]
-    """Two or more keys of `[vary]`."""
+    """Two or more keys of `[vary]` that are correlated."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
-    """Correlation of each pair of the normal variables behind the distributions (a Gaussian copula). The
-    distributions stay as they are."""
+    """Correlation of each pair of the keys. Strictly, it is that of the normal variables behind the
+    distributions (a Gaussian copula). Each key keeps its own distribution."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -141,7 +143,7 @@ class Together(Table):
         least = -1 / (len(self.keys) - 1)
         if self.correlation < least:
             expected = (
-                f"expected {least:.3g} or more, since no {len(self.keys)} values can have a "
+                f"expected {least:.3g} or more: {len(self.keys)} values can't all have a "
                 "lower correlation with each other"
             )
             raise invalid(expected, "correlation")
@@ -152,12 +154,12 @@ class Vary(Table):
     """How an ensemble spreads around the study: a distribution for each dotted key."""
 
     keys: dict[str, Distribution] = Field(default={})
-    """A distribution for each [dotted key](/guide/study-file.md#rules), which stands in `[vary]` itself:
-    `mechanics.inertia = { uniform = "20 %" }`."""
+    """Distribution of each [dotted key](/guide/study-file.md#rules) that varies. Write the keys directly into
+    `[vary]`: `mechanics.inertia = { uniform = "20 %" }`."""
     together: Many[Together] = ()
     """Groups of correlated keys."""
     seeds: bool = False
-    """True: every variant draws its own sensor noise; false: all have the study's `seed`."""
+    """True: every variant draws its own sensor noise. False: all variants have the study's `seed`."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -174,11 +176,11 @@ class Vary(Table):
                 if key not in self.keys:
                     raise invalid(f"expected one of {', '.join(self.keys)}", "together", index, "keys", place)
                 if key in taken:
-                    expected = "expected a key that is in no other group"
+                    expected = "expected a key that is in no other group of vary.together"
                     raise invalid(expected, "together", index, "keys", place)
                 taken.add(key)
         if not self.keys and not self.seeds:
-            raise invalid("expected one or more, or seeds = true", "keys", value="missing")
+            raise invalid("expected one or more keys that vary, or seeds = true", "keys", value="missing")
         return self
 
 
@@ -186,32 +188,34 @@ class Hold(Table):
     """What must hold of the tuned controllers: a metric's limit, in at least this share of the variants."""
 
     metric: str
-    """Name of a metric, as for `minimise`."""
+    """Name of a metric, written as for `minimise`."""
     limit: Number
-    """Its limit, with a unit."""
+    """Limit of this metric, with a unit."""
     share: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of the variants that must keep it."""
+    """Share of the variants that must keep the limit."""
 
 
 class Tune(Table):
     """Gains to choose for each controller by itself, and what is best, over the ensemble or the study."""
 
     keys: dict[str, Many[Number]]
-    """Two limits for each dotted key, with unit or %. The search begins at the study's value, between them.
-    """
+    """Two limits for each dotted key, with a unit or in %. The study's value must lie between them: the
+    search begins there."""
     minimise: str
-    """Name of a metric; one of its orders as `NAME.72`. Where higher is better, it is maximised."""
+    """Name of the metric to minimise. One of its orders is written as `NAME.72`. A metric for which higher is
+    better is maximised."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
-    """Mean or worst of the ensemble, or the value that this share of variants is no worse than. `nominal`:
-    the study alone."""
+    """Which value of the metric counts. `mean` or `worst`: that of the ensemble. A share such as 0.9: the
+    value that 90 % of the variants reach or better. `nominal`: that of the study alone, without an
+    ensemble."""
     hold: Many[Hold] = ()
-    """Limits of metrics that must be kept."""
+    """Limits of metrics that the tuned controller must keep."""
     scenarios: Many[str] | None = None
-    """Scenarios that count. Default: all that the controller runs in."""
+    """Scenarios that count. Default: all scenarios in which the controller runs."""
     variants: Annotated[int, Field(ge=1)] = 32
-    """Variants of the ensemble that each setting is tried on."""
+    """Number of variants of the ensemble on which each setting is tried."""
     budget: Annotated[int, Field(ge=2)] = 200
-    """Settings that are tried, for each controller."""
+    """Number of settings to try for each controller."""
 
     @field_validator("keys", mode="before")
     @classmethod
@@ -253,7 +257,7 @@ class Assumption(Table):
     about: str
     """The key, or a phrase, that the assumption is about."""
     reason: str
-    """Why its value was chosen."""
+    """Why this value was assumed."""
 
 
 @dataclass(frozen=True)
@@ -279,12 +283,12 @@ class TraceSettings(Table):
     """Settings of the trace, the signals recorded in a run."""
 
     rate: Frequency | None = None  # Hz
-    """Recorded rows a second, a divisor of the current loop's rate. Default: that rate; in a study of trials
-    one row per sample. Without trials, a switched inverter lets it be
-    [a multiple](/theory/inverter.md#between-samples) of that rate. A row takes 8 bytes for each of about 20
-    signals: 10 min at 1 kHz are 100 MB."""
+    """Rows of the trace per second, a divisor of the current loop's rate. Default: the current loop's rate;
+    in a study of trials one row per sample. With a switched inverter, a study without trials may also have [a
+    multiple](/theory/inverter.md#between-samples) of the current loop's rate. A row takes 8 bytes for each of
+    about 20 signals: 10 min at 1 kHz take 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
-    """Rows a second in `traces.nc`, at most. In a study of trials all rows are there."""
+    """Largest number of rows per second in `traces.nc`. A study of trials writes all rows."""
     energy: bool = False
     """True also records the energies and the error of the energy balance."""
 
@@ -315,25 +319,25 @@ class StudyBase(Table):
     signal_kinds: ClassVar[frozenset[str]] = frozenset()  # signals.def's properties that all runs have
 
     title: Line
-    """One line; heads the report."""
+    """Title of the study and of its report, one line."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
-    """Seed of the random numbers: sensor noise, bus jitter, and what differs from trial to trial."""
+    """Seed of all random numbers: sensor noise, bus jitter, and deviations from trial to trial."""
     description: str = ""
     """Shown below the title of the report."""
     assumption: Many[Assumption] = ()
     """An assumption that the author had to make; listed in the report."""
     trace: TraceSettings = TraceSettings()
-    """What is recorded."""
+    """Settings of the recorded signals."""
     scenario: Mapping[str, Any]
     controller: Mapping[str, Base]
     metric: Many[Metric] = ()
-    """Metrics to compute; `[[metric]]`."""
+    """Metrics to compute, each in a table `[[metric]]`."""
     calibration: Calibration | None = None
     """Parameters and targets of [`cogless calibrate`](/guide/calibrate.md)."""
     vary: Annotated[Vary, StudyKeys()] | None = None
-    """How an [ensemble](/guide/ensembles.md) spreads around the study."""
+    """How the values of an [ensemble](/guide/ensembles.md) spread around those of the study."""
     tune: Tune | None = None
-    """What [`cogless tune`](/guide/ensembles.md#tune) chooses."""
+    """Gains that [`cogless tune`](/guide/ensembles.md#tune) chooses, and what it minimises."""
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
 

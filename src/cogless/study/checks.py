@@ -36,9 +36,11 @@ def faults(study: Study | TrialStudy) -> None:
         for index, fault in enumerate(scenario.faults):
             where = ("scenario", name, "faults", index)
             if drive is None or motor is None:
-                raise invalid("expected none, of a drive", "scenario", name, "faults")
+                raise invalid(
+                    "expected no faults, since a linear plant has no drive", "scenario", name, "faults"
+                )
             if drive.ideal and isinstance(fault, CurrentFault | BusFault):
-                expected = "expected a fault of the angle: an ideal current loop measures nothing else"
+                expected = "expected a fault of the angle, since an ideal current loop measures nothing else"
                 raise invalid(expected, *where, "kind")
             measured = "ab" if motor.phases == 2 or drive.current_sensors.sensors == 2 else "abc"
             if isinstance(fault, CurrentFault) and fault.phase not in measured:
@@ -52,11 +54,11 @@ def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> Non
 
     The fault must last a period or more, and begin a period or more before the end, s, of the run.
     """
-    period = f"{1 / rate:g} s, one period of the measurements"
+    period = f"{1 / rate:g} s (one period of the current loop)"
     if fault.duration * rate < 1 - 1e-9:
-        raise invalid(f"expected {period}, or more", *where, "duration")
+        raise invalid(f"expected at least {period}", *where, "duration")
     if round(fault.time * rate) >= round(end * rate):
-        expected = f"expected a time {period}, or more before the scenario's end at {end:g} s"
+        expected = f"expected a time at least {period} before the scenario's end at {end:g} s"
         raise invalid(expected, *where, "time")
 
 
@@ -88,7 +90,9 @@ def baseline(study: StudyBase) -> None:
     """Check that at most one controller is the baseline."""
     marked = [name for name, controller in study.controller.items() if controller.baseline]
     if len(marked) > 1:
-        raise invalid(f'expected one baseline, already "{marked[0]}"', "controller", marked[1], "baseline")
+        raise invalid(
+            f'expected only one baseline, which is "{marked[0]}" already', "controller", marked[1], "baseline"
+        )
 
 
 def trace_rate(study: Study) -> None:
@@ -105,7 +109,7 @@ def trace_rate(study: Study) -> None:
             return
         expected = f"{expected}, or a multiple of it"
     elif rate > ticks:
-        expected = f'{expected}; more rows need drive.inverter.kind = "switched"'
+        expected = f'{expected}; a higher rate needs drive.inverter.kind = "switched"'
     raise invalid(expected, "trace", "rate")
 
 
@@ -118,7 +122,7 @@ def durations(study: Study) -> None:
     for name, scenario in study.scenario.items():
         if scenario.duration * study.trace_rate < FEWEST_ROWS * (1 - 1e-9):
             least = f"{FEWEST_ROWS / study.trace_rate:g} s"
-            expected = f"expected {least} or more, {FEWEST_ROWS} rows of the trace"
+            expected = f"expected {least} or more, so that the trace has {FEWEST_ROWS} rows"
             raise invalid(expected, "scenario", name, "duration")
 
 
@@ -134,7 +138,7 @@ def outer_loop(study: Study | TrialStudy) -> None:
     """Check that the outer loop is the speed loop, or in a study of trials the position loop."""
     if study.drive is not None and getattr(study.drive.rates, study.outer_loop) is None:
         (other,) = (loop for loop in OUTER_LOOPS if loop != study.outer_loop)
-        raise invalid(f"expected {study.outer_loop} in its place", "drive", "rates", other)
+        raise invalid(f"expected the key {study.outer_loop} instead", "drive", "rates", other)
 
 
 def laws(study: Study) -> None:
@@ -159,8 +163,8 @@ def feedback_under_guard(study: Study) -> None:
     for name, law in study.controller.items():
         if law.missing_feedback is not None:
             expected = (
-                "expected more than 0, since the guard compares with the feedback alone; or drive.guard "
-                "= false"
+                "expected more than 0, since the guard compares learning with the feedback alone; or "
+                "drive.guard = false"
             )
             raise invalid(expected, "controller", name, law.missing_feedback)
 
@@ -178,7 +182,7 @@ def slots(study: Study) -> None:
     if missing:
         keys = " and ".join(f"controller.{name}.base" for name in missing)
         raise invalid(
-            f"expected the number of slots, or {keys}, for the orders to learn",
+            f"expected the number of slots, or {keys}: they give the orders to learn",
             "motor",
             "slots",
             value="missing",
@@ -193,8 +197,8 @@ def sensor_side(study: Study | TrialStudy) -> None:
     if study.mechanics.load_side is None:
         raise invalid('expected "motor", since there is no mechanics.load_side', *key)
     if study.mechanics.ratio % 1:
-        expected = f'expected "motor", since the ratio {study.mechanics.ratio:g} is not whole'
-        raise invalid(f"{expected}: the load's angle does not determine the motor's", *key)
+        expected = f'expected "motor", since the ratio {study.mechanics.ratio:g} is not a whole number'
+        raise invalid(f"{expected}, so the load's angle does not determine the motor's", *key)
 
 
 def accelerometer(study: Study) -> None:
@@ -216,7 +220,9 @@ def accelerometer(study: Study) -> None:
     logs = [f"{name}-{controller}" for name in study.scenario for controller in study.controllers_in(name)]
     if len(set(logs)) < len(logs):
         twice = next(log for log in logs if logs.count(log) > 1)
-        raise invalid(f'expected other names of runs, since two have the log "{twice}"', *key)
+        raise invalid(
+            f'expected other names of scenarios or controllers: two runs have the log "{twice}"', *key
+        )
 
 
 def calibration(study: StudyBase) -> None:

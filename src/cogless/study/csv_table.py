@@ -116,7 +116,9 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
         )
         if rising_column.along and place_here <= rising_column.along[-1]:
             cell, article = quoted_cells(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
-            raise invalid(f"line {number}: {cell}: expected {article} {axis} above the previous one", "file")
+            raise invalid(
+                f"line {number}: {cell}: expected {article} {axis} above that of the previous line", "file"
+            )
         rising_column.along.append(place_here)
         rising_column.value.append(value_there)
         rising_column.line.append(number)
@@ -139,7 +141,7 @@ def _scale(heading: list[str], names: list[str], column: str, dimension: Dimensi
     factor = scale(cell, column, dimension)
     if factor is None:
         example = f'"{column} [{dimension.example or dimension.unit}]"'
-        raise invalid(f"line 1: {quoted_cells(cell)}: expected a unit too, such as {example}", "file")
+        raise invalid(f"line 1: {quoted_cells(cell)}: expected a unit, too, such as {example}", "file")
     return factor
 
 
@@ -218,19 +220,22 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
     """Return the table; refuse one with holes, of another length than a revolution, or that doesn't close."""
     if len(angle) < POINTS_LEAST:
         raise invalid(
-            f"{len(angle)} lines of numbers: expected {POINTS_LEAST} or more over a revolution", "file"
+            f"{len(angle)} lines of numbers: expected {POINTS_LEAST} or more in a revolution", "file"
         )
     span, last = angle[-1] - angle[0], at[-1]
     if span > TURN * (1 + 1e-6):
         raise invalid(
-            f"line {last}: {math.degrees(span):.6g} deg after the first: expected one revolution", "file"
+            f"line {last}: {math.degrees(span):.6g} deg after the first line: expected one revolution at "
+            "most",
+            "file",
         )
     largest = max(abs(b - a) for a, b in pairwise(value[:-1]))  # the last point may repeat the start
     step = abs(value[-1] - value[0])
     if step > SEAM_RATIO * largest:
         raise invalid(
-            f"line {last}: the {name} does not close over the revolution: from the last line to the "
-            f"first it steps {step / largest if largest else math.inf:.3g} times as far as anywhere else",
+            f"line {last}: the {name} jumps from the last line to the first, "
+            f"{step / largest if largest else math.inf:.3g} times as far as anywhere else: expected a whole "
+            "revolution",
             "file",
         )
     if span > TURN * (1 - 1e-6):
@@ -241,7 +246,7 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
     if gaps[widest] > GAP_RATIO * usual:
         raise invalid(
             f"line {at[widest]}: the next angle comes after {math.degrees(gaps[widest]):.3g} deg: expected "
-            f"at most {math.degrees(GAP_RATIO * usual):.3g} deg, {GAP_RATIO:g} times the usual",
+            f"at most {math.degrees(GAP_RATIO * usual):.3g} deg, {GAP_RATIO:g} times the usual spacing",
             "file",
         )
     return OverAngle(name, tuple(angle), tuple(value))
@@ -256,7 +261,7 @@ def points(path: Path) -> Points:
     time_and_speed: list[tuple[float, float]] = []
     scales, expected = (
         (1.0, 1.0),
-        f"expected time in s and speed in rad/s, with a comma between{DECIMAL_POINT_HINT}",
+        f"expected a time in s and a speed in rad/s, with a comma between them{DECIMAL_POINT_HINT}",
     )
     for number, row in enumerate(cell_lines(path), start=1):
         where = f"line {number}: "
@@ -277,7 +282,7 @@ def points(path: Path) -> Points:
             )
         time_and_speed.append((time * scales[0], speed * scales[1]))
     if not time_and_speed:
-        raise invalid("expected lines of time in s and speed in rad/s", "file")
+        raise invalid("expected lines with a time in s and a speed in rad/s", "file")
     return tuple(time_and_speed)
 
 
@@ -285,7 +290,8 @@ def _scales(heading: list[str]) -> tuple[float, float]:
     """Factors that convert times and speeds to SI, from the units that a heading names."""
     if len(heading) != len(SPEED_COLUMNS):
         raise invalid(
-            f"line 1: {quoted_cells(*heading)}: expected two columns, time and speed, with a comma between",
+            f"line 1: {quoted_cells(*heading)}: expected two columns, time and speed, with a comma between "
+            "them",
             "file",
         )
     time, speed = (scale(cell, *column) or 1.0 for cell, column in zip(heading, SPEED_COLUMNS, strict=True))

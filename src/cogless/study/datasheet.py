@@ -39,13 +39,14 @@ class AngleFile(Table):
     """A CSV table over a revolution, mechanical or electrical. `orders`: of that revolution."""
 
     file: File
-    """CSV with the columns `angle` and `torque`, `current` or `voltage`, units in its heading. `current` is
-    torque over $K_t$ (per peak ampere). A voltage is measured turning forwards; its angle may begin anywhere.
-    """
+    """CSV with the columns `angle` and `torque`, `current` or `voltage`, with their units in its heading. A
+    current is the torque over $K_t$ (per peak ampere). A voltage is measured while the motor turns forwards;
+    its angle may begin anywhere."""
     frame: Literal["mechanical", "electrical"]
-    """Revolution of the table. Of a mechanical one, a back-EMF takes only the multiples of `pole_pairs`."""
+    """Revolution, mechanical or electrical, that the table spans. From a back-EMF over a mechanical
+    revolution, only orders that are multiples of `pole_pairs` are taken."""
     orders: Many[TableOrder] | None = None
-    """Orders of the table's revolution to take. Default: the largest."""
+    """Orders to take from the table, counted in its revolution. Default: the largest."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(
@@ -66,7 +67,8 @@ class AngleFile(Table):
         rms = math.sqrt(sum(abs(c) ** 2 for _, c in all_[1:]) / 2)
         if abs(mean) > OFFSET_MOST * rms:
             raise invalid(
-                f"expected a mean of zero, not {mean / rms:.3g} of the rms: is friction or an offset in it?",
+                f"expected a mean of zero, not {mean / rms:.3g} of the rms: perhaps it contains friction or "
+                "an offset",
                 *key,
                 "file",
             )
@@ -87,8 +89,8 @@ class AngleFile(Table):
             rest -= abs(c) ** 2
         if len(taken) > MOST_ORDERS:
             raise invalid(
-                f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, the table "
-                f"takes {len(taken)}; or name them in orders",
+                f"expected {MOST_ORDERS} orders or fewer that hold all but {LEFT_OUT:.0%} of the rms, but "
+                f"the table needs {len(taken)}: name the orders in the key orders",
                 *key,
                 "file",
             )
@@ -104,7 +106,7 @@ class AngleFile(Table):
             twice = any(
                 math.isclose(stated, factor * size, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
             )
-            why = "; peak and peak to peak differ by 2" if twice else ""
+            why = "; peak and peak to peak differ by a factor of 2" if twice else ""
             raise invalid(f"expected about {size:.4g} {unit}, as the table has{why}", key)
 
 
@@ -116,15 +118,16 @@ class CoggingTable(AngleFile):
     """Measured cogging: torque, or the current that is it over K_t, over the angle."""
 
     sign: Literal["on-rotor", "holding"]
-    """`on-rotor`: torque of the motor on its rotor. `holding`: the opposite, which holds the rotor there."""
+    """`on-rotor`: the table holds the torque of the motor on its rotor. `holding`: it holds the opposite
+    torque, which keeps the rotor at its angle."""
     peak: Torque | None = None  # N*m
-    """Largest magnitude of the torque, checked against the table to 5 %."""
+    """Largest magnitude of the torque. Checked: the table must agree to 5 %."""
     peak_to_peak: Torque | None = None  # N*m
-    """Peak-to-peak torque, checked against the table to 5 %."""
+    """Peak-to-peak torque. Checked: the table must agree to 5 %."""
     current_peak: Current | None = None  # A
-    """As `peak`, for a table of current."""
+    """Like `peak`, for a table of current."""
     current_peak_to_peak: Current | None = None  # A
-    """As `peak_to_peak`, for a table of current."""
+    """Like `peak_to_peak`, for a table of current."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:
@@ -135,7 +138,7 @@ class CoggingTable(AngleFile):
             if getattr(self, key if of_current else f"current_{key}") is not None:
                 other, name = (f"current_{key}", "current") if of_current else (key, "torque")
                 wrong = key if of_current else f"current_{key}"
-                raise invalid(f"expected {other}, since the table has a {name}", wrong)
+                raise invalid(f"expected the key {other}, since the table holds a {name}", wrong)
         self._check_size("A" if of_current else "N*m", "current_" if of_current else "")
         self._waves()
         return self
@@ -163,13 +166,13 @@ class BackEmfTable(AngleFile):
     """
 
     between: Literal["line-to-line", "phase"]
-    """Two lines, or line and star point."""
+    """Where the voltage was measured: between two lines, or between a line and the star point."""
     speed: AngularSpeed  # rad/s
-    """Mechanical speed of the measurement."""
+    """Mechanical speed at which the voltage was measured."""
     peak: Voltage | None = None  # V
-    """Largest magnitude of the voltage, checked against the table to 5 %."""
+    """Largest magnitude of the voltage. Checked: the table must agree to 5 %."""
     peak_to_peak: Voltage | None = None  # V
-    """Peak-to-peak voltage, checked against the table to 5 %."""
+    """Peak-to-peak voltage. Checked: the table must agree to 5 %."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:
@@ -191,9 +194,9 @@ class BackEmfTable(AngleFile):
         rms, fundamental = math.hypot(*(abs(c) for _, c in waves)), abs(dict(waves)[per_turn])
         if fundamental <= FUNDAMENTAL_LEAST * rms:
             expected = (
-                f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL_LEAST:.0%} of the rms"
+                f"expected a fundamental (order {per_turn}) of more than {FUNDAMENTAL_LEAST:.0%} of the rms"
             )
-            raise invalid(f"{expected}: are pole_pairs and frame right?", "back_emf_table", "file")
+            raise invalid(f"{expected}: perhaps pole_pairs or frame is wrong", "back_emf_table", "file")
         of_phase = {
             n // per_turn: c / (pole_pairs * self.speed) / self._difference(n // per_turn)
             for n, c in waves

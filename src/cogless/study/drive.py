@@ -45,30 +45,31 @@ class Monitor(Table):
     """Bounds of plausible measurements. Zero: not checked. The defaults are derived from the drive."""
 
     omega_max: AngularSpeedMagnitude | None = None  # rad/s
-    """Highest plausible speed of the rotor. Default: 1.5 times the no-load speed at the bus voltage and the
-    believed flux. A coarse sensor raises it to that no-load speed and one step of the sensor. Not watched
-    with an ideal current loop."""
+    """Highest plausible speed of the rotor. Default: 1.5 times the speed without load that bus voltage,
+    believed flux and field weakening allow. With a coarse sensor it is at least the no-load speed plus one
+    step of the measured speed. An ideal current loop has no such check."""
     angle_step: AngleMagnitude | None = None  # rad
-    """Resolution of the angle. Default: the sensor's."""
+    """Step of the measured angle. Default: derived from the position sensor."""
     speed_window: Time | None = None  # s
-    """Time over which the measured speed is taken. Default: two periods of the law with an encoder, `window`
-    with a resolver."""
+    """Time over which the speed is measured. Default: `window` for a moving average, ten time constants for
+    an observer, else two periods of the law. `speed_filter` adds ten of its time constants."""
     stuck_angle: AngleMagnitude | None = None  # rad
-    """The angle counts as stuck if it does not change while the reference turns by more than this. Default:
-    0.5 rad and two steps of the sensor, at least four steps."""
+    """The angle counts as stuck if it does not change while the reference turns by more than this angle.
+    Default: 0.5 rad plus two steps of the sensor, but at least four steps."""
     stuck_time: Time | None = None  # s
-    """Time of full current after which an angle that stands still counts as stuck. Default: 100 ms. It is
-    longer if a tenth of the largest torque takes longer to turn the inertia by a step of the sensor."""
+    """The angle counts as stuck if it stands still for this time under full current. Default: 100 ms, but at
+    least the time in which a tenth of the largest torque turns the inertia by one step of the sensor."""
     current_max: CurrentMagnitude | None = None  # A
-    """Largest plausible length of the current vector. Default: twice `current_limit`. If noise of the current
-    sensors is large: `current_limit` plus six standard deviations of it."""
+    """Largest plausible length of the current vector. Default: twice `current_limit`, but at least
+    `current_limit` plus six standard deviations of the current sensors' noise."""
     current_sum: CurrentMagnitude | None = None  # A
-    """Largest plausible $|i_a + i_b + i_c|$. Default with three sensors: half of `current_limit`, and at
-    least six standard deviations of the noise of the sum. Else it is not watched."""
+    """Largest plausible $|i_a + i_b + i_c|$. Default with three sensors: half of `current_limit`, but at
+    least six standard deviations of the sum's noise. Default with two sensors: no check."""
     bridge: Time | None = None  # s
     """Longest time for which a missing angle is extrapolated. Default: 5 ms."""
     hold: Time | None = None  # s
-    """Time for which the output stays safe (no current) after the last cause. Default: 10 ms."""
+    """Time for which the output stays safe (no current) after the last implausible measurement. Default: 10
+    ms."""
 
 
 class Quality(Table):
@@ -76,19 +77,19 @@ class Quality(Table):
     learning."""
 
     span: Span | None = None  # rad
-    """Angle by which the rotor turns in one window of the assessment. Default: a revolution."""
+    """Angle of the rotor that one window of the assessment spans. Default: a revolution."""
     longest: Duration = 60.0  # s
-    """Longest time of one window."""
+    """Longest duration of one window."""
     outlier: NumberGain = 0.0
-    """An error larger than the usual one by this factor is not learned from; 1 or more. 0: every error is
-    learned from."""
+    """The law does not learn from an error that is larger than the usual one by this factor, 1 or more. 0: it
+    learns from every error."""
     floor: AngularSpeedMagnitude = 0.0  # rad/s
-    """Errors below this are always learned from."""
+    """The law always learns from errors below this value."""
 
     @model_validator(mode="after")
     def _outlier(self) -> Self:
         if 0 < self.outlier < 1:
-            raise invalid("expected 1 or more, or 0 for none", "outlier")
+            raise invalid("expected 1 or more, or 0 to learn from every error", "outlier")
         return self
 
 
@@ -107,13 +108,13 @@ class Belief(Table):
     """Motor parameters that the controller assumes, per winding as in [motor]; default: the true values."""
 
     R_s: Resistance | None = None  # ohm
-    """Assumed resistance of one winding. Default of each key: the true value."""
+    """Assumed resistance of one winding. Each key of this table has the motor's true value as its default."""
     L_d: Inductance | None = None  # H
-    """Assumed inductance, d axis."""
+    """Assumed inductance of the d axis."""
     L_q: Inductance | None = None  # H
-    """Assumed inductance, q axis."""
+    """Assumed inductance of the q axis."""
     psi_f: FluxLinkage | None = None  # Wb
-    """Assumed flux linkage."""
+    """Assumed flux linkage of the magnet."""
 
     def resolved(self, motor: StarMotor) -> StarBelief:
         """The assumed parameters, converted to the star equivalent. Parameters left out have their true
@@ -144,15 +145,15 @@ class Rates(Table):
     """Rates of the loops. The outer loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz
-    """Rate of current sampling, current control and, if switched, PWM: one tick of the engine; a whole
-    number."""
+    """Rate at which currents are sampled and controlled and the duty cycles change, a whole number of Hz. One
+    period is a tick of the engine."""
     speed_loop: Frequency | None = None
-    """Rate of the speed law; a whole number that divides `current_loop`."""
+    """Rate of the speed law: a whole number of Hz that divides `current_loop`."""
     position_loop: Frequency | None = None
-    """The rate of a trial's samples; replaces `speed_loop` in [a study of trials](/guide/trial-studies.md).
-    """
+    """Rate of the samples of a trial. It replaces `speed_loop` in [a study of
+    trials](/guide/trial-studies.md)."""
     integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps per current-loop period
-    """Steps of the plant in a current-loop period."""
+    """Integration steps of the plant in each current-loop period."""
 
     @model_validator(mode="after")
     def _divide(self) -> Self:
@@ -190,12 +191,12 @@ class CurrentLoop(Table):
     ki: CurrentIntegralGain | None = None  # V/A/s
     """Integral gain of both axes."""
     bandwidth: Frequency | None = None  # Hz
-    r"""Instead of gains: kp = $2\pi f L$, ki = $2\pi f R_s$ with the believed parameters. This cancels the
-    winding's pole."""
+    r"""Replaces `kp` and `ki`: kp = $2\pi f L$, ki = $2\pi f R_s$ with the believed parameters. These gains
+    cancel the winding's pole."""
     decoupling: bool = True
-    """True feeds the speed-dependent voltages forward."""
+    """True: the voltages that depend on the speed are fed forward."""
     current_limit: CurrentLimit  # A
-    """Largest length of the reference vector $(i_d, i_q)$."""
+    """Largest length of the current reference $(i_d, i_q)$."""
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
@@ -223,10 +224,10 @@ class IdealCurrentLoop(Table):
     """An ideal current loop: the current equals its reference at once."""
 
     kind: Literal["ideal"]
-    """The current equals its reference at once, and there is no `inverter`. Leave this key out for a real
-    loop."""
+    """The current equals its reference at once, and the drive has no `inverter`. For a real current loop
+    leave this key out."""
     current_limit: CurrentLimit  # A
-    """Largest length of the reference vector $(i_d, i_q)$."""
+    """Largest length of the current reference $(i_d, i_q)$."""
     decoupling: ClassVar[bool] = False
 
     def gains(self, belief: StarBelief) -> dict[str, float]:
@@ -257,12 +258,13 @@ class CurrentReference(Table):
     """
 
     rule: Literal["mtpa", "zero-d"] = "mtpa"
-    """`"mtpa"`: least current for the torque. `"zero-d"`: no $i_d$ below the voltage limit."""
+    """How $i_d$ is chosen below the voltage limit. `"mtpa"`: the torque takes the least current. `"zero-d"`:
+    $i_d$ is zero."""
     field_weakening: bool = False
-    """True: $i_d$ keeps the voltage within its limit at speed. The torque is shortened where no current
-    does."""
+    """True: at high speed $i_d$ keeps the voltage within its limit. If no $i_d$ is enough, the torque is
+    reduced."""
     voltage_share: Annotated[float, Field(gt=0, le=1)] = 0.95
-    """Part of the largest voltage that field weakening plans with. The rest is for the current
+    """Share of the largest voltage that field weakening uses. The rest is left for the current
     controllers."""
 
 
@@ -273,22 +275,23 @@ class Inverter(Table):
     """The inverter: voltage averaged over each current-loop period, or switched with exact edges."""
 
     kind: Literal["averaged", "switched"] = "averaged"
-    """Mean voltage over a period, or pulses with exact edges."""
+    """`averaged`: the mean voltage of each current-loop period. `switched`: pulses with exact edges."""
     pwm: Literal["centre", "edge", "two-updates"] = "centre"
-    """Pulses in the middle of a current-loop period, or from its begin. `two-updates`: centred in PWM periods
-    of two current-loop periods, with new duty cycles in each half."""
+    """`centre`: pulses in the middle of a current-loop period. `edge`: pulses from its beginning.
+    `two-updates`: pulses in the middle of a PWM period of two current-loop periods, with new duty cycles in
+    each half."""
     bus_voltage: Voltage  # V
-    """Voltage of the bus, constant."""
+    """Bus voltage, constant."""
     dead_time: Time = 0.0  # s
     """Time for which both transistors of a leg are off at each switching."""
     minimum_pulse: Time = 0.0  # s
     """[Shortest time](/theory/inverter.md#minimum-pulse) for which a transistor may be on in half a PWM
-    period, or in a whole one with `pwm = "edge"`. If it would be on for less, it stays off, and the other one
-    of its leg stays on. Default: no limit."""
+    period (with `pwm = "edge"` in a whole one). A transistor that would be on for less stays off, and the
+    other one of its leg stays on. Default: no limit."""
     device_drop: VoltageMagnitude = 0.0  # V
-    """Voltage across the transistor or diode of a leg that conducts."""
+    """Voltage across the conducting transistor or diode of a leg."""
     computation_delay: Literal[0, 1] = 1  # current-loop samples
-    """Current-loop periods from sampling until the duty cycles act."""
+    """Delay from sampling until the duty cycles act, in current-loop periods."""
 
     @property
     def switches(self) -> bool:
@@ -305,32 +308,34 @@ class DeadTimeCompensation(Table):
     """Correction of the duty cycles by the signs of the phase currents' references."""
 
     time: Time | None = None  # s
-    """Dead time that the controller assumes. Default: the inverter's."""
+    """Dead time that the controller assumes. Default: the inverter's `dead_time`."""
     drop: VoltageMagnitude | None = None  # V
-    """Voltage across a device that the controller assumes. Default: the inverter's."""
+    """Voltage across a conducting device that the controller assumes. Default: the inverter's
+    `device_drop`."""
     band: CurrentLimit  # A
-    """Phase currents below this get a part of the correction. Choose several times the noise of the current
-    sensors."""
+    """Phase currents below this value get only a part of the correction. Choose several times the noise of
+    the current sensors."""
 
 
 class EncoderTable(Table):
     """Correction of the position sensor's own error, learned while the motor turns fast."""
 
     orders: Annotated[tuple[int, ...], Field(strict=False)]  # mechanical
-    """Mechanical orders of the error. 1 is an encoder off the middle, 2 what follows from that."""
+    """Mechanical orders of the error to correct. An encoder off its middle makes order 1, and order 2 with
+    it."""
     omega_min: AngularSpeedMagnitude  # rad/s
-    """The table learns above this speed."""
+    """Speed above which the table learns."""
     time_constant: Duration = 0.5  # s
     """Time constant of learning."""
     limit: Span = math.radians(2)  # rad
-    """Limit of each order's cosine and sine."""
+    """Largest magnitude of each order's cosine and sine."""
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
         rising = all(a < b for a, b in pairwise((0, *self.orders, ORDER_MAX + 1)))
         if not rising or not 1 <= len(self.orders) <= ENCODER_TABLE_ORDERS:
             raise invalid(
-                f"expected 1 to {ENCODER_TABLE_ORDERS} orders that rise, from 1 to {ORDER_MAX}", "orders"
+                f"expected 1 to {ENCODER_TABLE_ORDERS} rising orders between 1 and {ORDER_MAX}", "orders"
             )
         if self.limit * self.orders[-1] > 1:
             raise invalid(f"expected at most {1 / self.orders[-1]:.3g} rad", "limit")
@@ -354,17 +359,17 @@ class CurrentSensors(Table):
     """Phase current sensors with an error per phase, and their analog-to-digital converter."""
 
     offset: tuple[Current, Current, Current] = Field(default=(0.0, 0.0, 0.0), strict=False)  # A
-    """Offset of each phase."""
+    """Offset of each phase's sensor."""
     gain_error: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), strict=False)
     """Relative gain error of each phase; measured = (1 + gain_error) i + offset."""
     noise: CurrentMagnitude = 0.0  # A rms
-    """Standard deviation of white noise."""
+    """Standard deviation of each sensor's white noise."""
     bits: Annotated[int, Field(ge=0, le=32)] = 0
-    """Resolution of the converter; 0 for no quantization."""
+    """Bits of the converter. 0: no quantization."""
     range: CurrentLimit = 10.0  # A
-    r"""The converter spans $\pm$ range."""
+    """The converter measures currents from -`range` to +`range`."""
     sensors: Literal[2, 3] = 3
-    """With 2, $i_c = -i_a - i_b$."""
+    """Number of sensors. With 2, $i_c = -i_a - i_b$."""
 
     @property
     def variance(self) -> float:
@@ -377,13 +382,14 @@ class Bus(Table):
     """A bus between the drive and its law, which runs elsewhere, as on a PC."""
 
     delay_measured: Time = 0.0  # s
-    """Age of angle and speed when the law gets them."""
+    """Age of the measured angle and speed when the law gets them."""
     delay_command: Time = 0.0  # s
     """Time from the law's step until its current reference acts."""
     jitter: Time = 0.0  # s
-    """Most by which each of both delays may grow, evenly distributed, by the study's `seed`."""
+    """Largest random increase of each of the two delays. It is evenly distributed; `seed` of the study fixes
+    the draws."""
     quantum: CurrentMagnitude = 0.0  # A
-    """Step of the current reference in the bus's number format. 0: none."""
+    """Step of the current reference in the bus's number format. 0: no steps."""
 
     @property
     def mean_delay(self) -> float:
@@ -395,51 +401,54 @@ class Drive(Table):
     """Power electronics, sensors, current loop and monitor."""
 
     precision: Literal["single", "double"] = "single"
-    """Number type of the control laws, `"single"` (C's float) or `"double"`; the plant is always in double.
-    """
+    """Number type of the control laws: `"single"` (C's float) or `"double"`. The plant is always computed in
+    double."""
     belief: Belief = Belief()
     """Motor parameters that the controller assumes, where they differ from the true ones."""
     rates: Rates = Field(examples=['{ current_loop = "10 kHz", speed_loop = "1 kHz" }'])
     """Rates of the current loop, the speed loop and the integration."""
     current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
-    """Gains of the inner loop."""
+    """Gains and current limit of the inner loop."""
     current_reference: CurrentReference | None = None
-    """Most torque per current, and field weakening. Default: the law's output is $i_q$, and $i_d$ is zero."""
+    """How $i_d$ is chosen: most torque per current, field weakening. Default: $i_d$ is zero, and the law's
+    output is $i_q$."""
     inverter: Inverter | None = None
-    """Converts duty cycles to voltages."""
+    """Inverter, which makes voltages from duty cycles."""
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
-    """Gives the duty cycles back what the inverter loses. Default: not compensated."""
+    """Adds to the duty cycles what the inverter loses. Default: no compensation."""
     position_sensor: PositionSensor = IdealSensor()
-    """Measures angle and speed."""
+    """Sensor of angle and speed."""
     encoder_table: EncoderTable | None = None
-    """Corrects the position sensor's own error. Default: not corrected."""
+    """Correction of the position sensor's own error, learned while the motor turns. Default: no
+    correction."""
     speed_filter: Frequency | None = None  # Hz
-    """Low-pass of first order behind the measured speed, at the current loop's rate. Default: none."""
+    """Corner frequency of a first-order low-pass for the measured speed, which runs at the current loop's
+    rate. Default: no filter."""
     bus: Bus | None = None
-    """The law runs elsewhere. Default: in the drive."""
+    """Bus between the drive and a law that runs elsewhere. Default: the law runs in the drive."""
     current_sensors: CurrentSensors = CurrentSensors()
-    """Measure the phase currents."""
+    """Sensors of the phase currents."""
     monitor: Monitor = Monitor()
-    """Bounds beyond which a measurement is not plausible; see [](/laws/monitor.md)."""
+    """Bounds of plausible measurements, see [](/laws/monitor.md)."""
     quality: Quality = Quality()
-    """How learning is judged, and which errors are not learned from."""
+    """How the residual ripple is assessed, and from which errors a law does not learn."""
     guard: bool = True
-    """Learning that leaves more ripple than the same feedback is stopped; see [](/laws/guard.md)."""
+    """True: learning that leaves more ripple than the feedback alone is stopped, see [](/laws/guard.md)."""
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:
         if self.ideal and self.inverter is not None:
-            raise invalid("expected none, since the current loop is ideal", "inverter")
+            raise invalid("expected no such key, since the current loop is ideal", "inverter")
         if not self.ideal and self.inverter is None:
-            raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
+            raise invalid("expected a table with bus_voltage, ...", "inverter", value="missing")
         if self.ideal and self.current_reference is not None:
-            raise invalid("expected none, since the current loop is ideal", "current_reference")
+            raise invalid("expected no such key, since the current loop is ideal", "current_reference")
         if self.bus is not None and self.current_reference is not None:
-            raise invalid("expected none, since the law runs elsewhere, behind the bus", "current_reference")
+            raise invalid("expected no such key, since the law runs behind a bus", "current_reference")
         if self.dead_time_compensation is None:
             return self
         if self.ideal:
-            raise invalid("expected none, since the current loop is ideal", "dead_time_compensation")
+            raise invalid("expected no such key, since the current loop is ideal", "dead_time_compensation")
         check_sizes(self.dead_time_compensation, "dead_time_compensation")
         return self
 
@@ -452,7 +461,9 @@ class Drive(Table):
         share, word = (0.25, "a quarter") if inverter.pwm == "centre" else (0.5, "half")
         longest = share / self.rates.current_loop
         if inverter.minimum_pulse + inverter.dead_time >= longest:
-            expected = f"expected, with dead_time, less than {word} of a current-loop period, {longest:.3g} s"
+            expected = (
+                f"expected less than {longest:.3g} s together with dead_time, {word} of a current-loop period"
+            )
             raise invalid(expected, "inverter", "minimum_pulse")
         return self
 
@@ -460,7 +471,7 @@ class Drive(Table):
     def _correctable(self) -> Self:
         """Refuse to correct a sensor that has no error by orders of its own revolution."""
         if self.encoder_table is not None and not isinstance(self.position_sensor, Counted):
-            expected = "expected none, unless the position sensor is an encoder, absolute or a resolver"
+            expected = "expected no such key, unless the sensor is an encoder or a resolver"
             raise invalid(expected, "encoder_table")
         return self
 
@@ -468,7 +479,7 @@ class Drive(Table):
     def _observable(self) -> Self:
         """Refuse an observer or a speed filter that is too fast for the sampling rate of the current loop."""
         sensor, fastest = self.position_sensor, self.rates.current_loop / math.pi
-        expected = f"expected at most {fastest:.4g} Hz, a third of current_loop"
+        expected = f"expected at most {fastest:.4g} Hz, a third of rates.current_loop"
         if isinstance(sensor, Counted) and (sensor.observer_bandwidth or 0.0) > fastest:
             raise invalid(expected, "position_sensor", "observer_bandwidth")
         if (self.speed_filter or 0.0) > fastest:
@@ -478,7 +489,7 @@ class Drive(Table):
     @model_validator(mode="after")
     def _remembered(self) -> Self:
         """Refuse delays that are longer than the engine's memory of past values."""
-        longest, rate = PAST_MAX / self.rates.current_loop, self.rates.current_loop
+        longest = PAST_MAX / self.rates.current_loop
         sensor, bus = self.position_sensor, self.bus
         delays = {"position_sensor.latency": sensor.latency} if isinstance(sensor, Counted) else {}
         if bus is not None:
@@ -486,7 +497,7 @@ class Drive(Table):
             delays |= {f"bus.{key}": getattr(bus, key) for key in keys}
         for key, delay in delays.items():
             if delay > longest:
-                expected = f"expected at most {longest:g} s, {PAST_MAX} periods of {rate:g} Hz"
+                expected = f"expected at most {longest:g} s, {PAST_MAX} periods of the current loop"
                 raise invalid(expected, *key.split("."))
         return self
 

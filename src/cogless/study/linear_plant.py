@@ -50,7 +50,7 @@ def evaluate(text: str, values: Mapping[str, float]) -> float:
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, ExpressionError):
             raise
-        raise ExpressionError(f"expected a value that can be computed ({error})") from None
+        raise ExpressionError(f"expected a formula that can be computed ({error})") from None
     if not math.isfinite(value):
         raise ExpressionError("expected a finite value")
     return value
@@ -71,8 +71,8 @@ def _value(node: ast.expr, values: Mapping[str, float]) -> float:
             return float(number)
         case ast.Name(id=name):
             if name not in values:
-                names = ", ".join(values) or "none are given"
-                raise ExpressionError(f'expected known parameters ({names}), not "{name}"')
+                names = ", ".join(values) or "there are none"
+                raise ExpressionError(f'expected only known parameters ({names}), not "{name}"')
             return values[name]
         case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
             return -_value(inner, values) if isinstance(sign, ast.USub) else _value(inner, values)
@@ -93,7 +93,7 @@ class Parameter(Table):
     value: float | None = None
     """Nominal value. Default: the middle of the range."""
     range: tuple[float, float] | None = Field(default=None, strict=False)
-    """Smallest and largest value. Default: the value is exactly known."""
+    """Smallest and largest value. Default: the value is known exactly."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -104,7 +104,7 @@ class Parameter(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.range is None and self.value is None:
-            raise invalid("expected value, range or both")
+            raise invalid("expected the key value, range or both")
         if self.range is not None and self.range[1] < self.range[0]:
             raise invalid("expected a range from the smallest to the largest value", "range")
         if self.range is not None and self.value is not None:
@@ -126,38 +126,39 @@ class PlantVertex(Table):
     """Matrices at one vertex of the set of possible plants, as numbers."""
 
     A: Rows
-    """Rows of numbers."""
+    """The matrix A as rows of numbers."""
     B: Many[float]
-    """Numbers."""
+    """The vector B as numbers."""
 
 
 class LinearPlant(Table):
     """A linear plant with one input and one output, sampled with `period`."""
 
     model: Literal["continuous", "discrete"] = "continuous"
-    """Whether A and B are of continuous or discrete time. A continuous plant is simulated exactly sampled."""
+    """Time of A and B: continuous or discrete. A continuous plant is simulated exactly at its samples."""
     period: Duration  # s
     """Time between two samples."""
     A: Many[Many[Entry]] | None = None
-    """Rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
+    """Matrix A as rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
     B: Many[Entry] | None = None
     """One number or formula for each state."""
     C: Many[float]
-    """Row of numbers."""
+    """Matrix C as one row of numbers."""
     parameter: dict[str, Parameter] = Field(default={})
-    """The parameters in A and B by name; each a plain number, `[smallest, largest]`, or a table."""
+    """Parameters of A and B by name. Each is a plain number, `[smallest, largest]`, or a table."""
     vertex: Many[PlantVertex] = ()
-    """Corners of the uncertainty in numbers, in place of A, B and `parameter`; the nominal plant is their
+    """Corners of the uncertainty as numbers. They replace A, B and `parameter`. The nominal plant is their
     mean."""
     states: Many[str] | None = None
     """Names of the states, for tables and report. Default: x_1, x_2, ..."""
     input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
     r"""Largest $\lvert u \rvert$."""
     noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Standard deviation of white noise on each measured state, as `[1e-5, 0]`. Default: none. The law sees
-    the noise; metrics and traces have the true states."""
+    """Standard deviation of the white noise on each measured state, such as `[1e-5, 0]`. Default: none. Only
+    the law sees the noise: metrics and traces have the true states."""
     load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0
-    """Standard deviation of white noise on the load $d$, in the unit of $u$; each sample has another."""
+    """Standard deviation of white noise on the load $d$, in the unit of $u$. Each sample draws a new
+    value."""
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:
@@ -167,7 +168,7 @@ class LinearPlant(Table):
             )
         n = len(self.C)
         if not 1 <= n <= TRIAL_STATES:
-            raise invalid(f"expected 1 to {TRIAL_STATES} numbers, one a state", "C")
+            raise invalid(f"expected 1 to {TRIAL_STATES} numbers, one for each state", "C")
         if self.A is not None and self.B is not None:
             self._check_shape(self.A, self.B)
             self._check_names()
@@ -175,17 +176,17 @@ class LinearPlant(Table):
         for index, vertex in enumerate(self.vertex):
             self._check_shape(vertex.A, vertex.B, "vertex", index)
         if self.vertex and self.parameter:
-            raise invalid("expected none, since vertex gives numbers", "parameter")
+            raise invalid("expected no such key, since vertex gives numbers", "parameter")
         if self.states is not None and len(self.states) != n:
-            raise invalid(f"expected {n} names, one a state", "states")
+            raise invalid(f"expected {n} names, one for each state", "states")
         if self.noise is not None and len(self.noise) != n:
-            raise invalid(f"expected {n} numbers, one a state", "noise")
+            raise invalid(f"expected {n} numbers, one for each state", "noise")
         return self
 
     def _check_shape(self, A: Sequence[Sequence[Any]], B: Sequence[Any], *key: str | int) -> None:
         n = len(self.C)
         if len(A) != n or any(len(row) != n for row in A):
-            raise invalid(f"expected {n} rows of {n}, as many as C has", *key, "A")
+            raise invalid(f"expected {n} rows of {n} numbers, as many as C has", *key, "A")
         if len(B) != n:
             raise invalid(f"expected {n} numbers, as many as C has", *key, "B")
 
@@ -200,7 +201,7 @@ class LinearPlant(Table):
                 raise invalid(str(error), *key) from None
             if unknown:
                 all_parameters = ", ".join(self.parameter) or "none"
-                expected = f'expected known parameters ({all_parameters}), not "{min(unknown)}"'
+                expected = f'expected only known parameters ({all_parameters}), not "{min(unknown)}"'
                 raise invalid(expected, *key)
 
     @property

@@ -42,7 +42,8 @@ class TorqueHarmonic(Table):
     order: Order
     """Waves per mechanical revolution."""
     torque: Torque  # N*m
-    r"""Amplitude of $\tau_L$ or $\tau_C$ += torque sin(order $\theta$ + phase)."""
+    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase), which is added to $\tau_L$ or
+    $\tau_C$."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic."""
 
@@ -51,18 +52,18 @@ class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
 
     angle: Many[Angle] = ()  # rad
-    """Rising angles, less than one revolution from first to last."""
+    """Rising angles. From the first to the last is less than one revolution."""
     torque: Many[Torque] = ()  # N*m
-    """Torque at each angle; linear in between, periodic."""
+    """Torque at each angle. Between two angles it is linear, and it repeats with each revolution."""
     file: File | None = None
-    """A CSV file beside the study in place of both: columns `angle` and `torque`, their units in the heading.
-    """
+    """CSV file that replaces `angle` and `torque`: columns `angle` and `torque` with their units in the
+    heading. The path is relative to the study."""
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
         if self.file is not None:
             if self.angle or self.torque:
-                raise invalid("expected none, since angle and torque are given", "file")
+                raise invalid("expected no such key, since angle and torque are given", "file")
             return self._read(info)
         check_table("angle", self.angle, self.torque)
         if self.angle[-1] - self.angle[0] >= TURN * (1 - 1e-9):
@@ -84,7 +85,8 @@ class TimeTable(Table):
     time: Many[Time]  # s
     """Rising times."""
     torque: Many[Torque]  # N*m
-    """Torque at each time; linear in between, the ends held."""
+    """Torque at each time. Between two times it is linear; before the first and after the last it is
+    constant."""
 
     @model_validator(mode="after")
     def _shape(self) -> Self:
@@ -97,16 +99,16 @@ def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> 
     if not points or any(b <= a for a, b in pairwise(points)):
         raise invalid("expected one or more values, each above the previous one", axis)
     if len(points) != len(values):
-        raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
+        raise invalid(f"expected {len(points)} values, as many as {axis} has", "torque")
 
 
 class Load(Table):
     """A load torque, the sum of its parts. The constant part follows its set value with a first-order lag."""
 
     torque: Torque = 0.0  # N*m
-    """Constant part; a positive torque acts against positive rotation."""
+    """Constant part of the load. A positive torque acts against positive rotation."""
     lag: Time = 0.0  # s
-    """Time constant with which the constant part follows an event."""
+    """Time constant with which the constant part changes at an event."""
     harmonics: Many[TorqueHarmonic] = ()
     """Parts that depend on the angle."""
     angle_table: AngleTable | None = None
@@ -123,21 +125,22 @@ class Mass(Table):
     """Inertia and friction of what turns as one body."""
 
     inertia: Inertia  # kg*m^2
-    """Inertia of rotor and load together. With a `load_side` each side has its own."""
+    """Inertia of rotor and load together. With a `load_side`, each side has an inertia of its own."""
     viscous_friction: ViscousFriction = 0.0  # N*m*s/rad
     """Friction torque per speed."""
     coulomb_friction: TorqueMagnitude = 0.0  # N*m
     """Friction torque while moving."""
     breakaway_friction: TorqueMagnitude | None = None  # N*m
-    """Torque up to which friction holds the rotor at standstill, at least `coulomb_friction`. Default:
-    `coulomb_friction`."""
+    """Largest torque against which friction holds a rotor at standstill, at least `coulomb_friction`.
+    Default: `coulomb_friction`."""
     stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s
     r"""Speed $\omega_s$ at which friction has fallen most of the way from `breakaway_friction` to
-    `coulomb_friction`: $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: it jumps."""
+    `coulomb_friction`: $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: friction falls
+    at once."""
     friction_harmonics: Many[TorqueHarmonic] = ()  # N*m
     """Parts of `coulomb_friction` and `breakaway_friction` that depend on the angle."""
     friction_table: AngleTable | None = None  # N*m
-    """Torque over the angle that is added to both frictions."""
+    """Torque over the angle that is added to `coulomb_friction` and `breakaway_friction`."""
 
     @property
     def breakaway(self) -> float:
@@ -147,9 +150,9 @@ class Mass(Table):
     @model_validator(mode="after")
     def _breakaway(self) -> Self:
         if self.breakaway < self.coulomb_friction:
-            raise invalid("expected no less than coulomb_friction", "breakaway_friction")
+            raise invalid("expected coulomb_friction or more", "breakaway_friction")
         if self.stribeck_speed and self.breakaway == self.coulomb_friction:
-            raise invalid("expected 0, unless breakaway_friction exceeds coulomb_friction", "stribeck_speed")
+            raise invalid("expected 0, unless breakaway_friction is above coulomb_friction", "stribeck_speed")
         return self
 
     @model_validator(mode="after")
@@ -159,13 +162,13 @@ class Mass(Table):
         least = self.coulomb_friction + lowest
         if least < 0:
             raise invalid(
-                "expected torques that nowhere make coulomb_friction plus the table negative",
+                "expected torques with which coulomb_friction plus table is nowhere negative",
                 "friction_table",
             )
         if sum(abs(h.torque) for h in self.friction_harmonics) > least * (1 + 1e-9):
             raise invalid(
-                f"expected amplitudes of {least:.6g} N*m or less together, so that friction is "
-                "nowhere below zero",
+                f"expected amplitudes whose sum is at most {least:.6g} N*m, so that friction is "
+                "nowhere negative",
                 "friction_harmonics",
             )
         return self
@@ -175,11 +178,12 @@ class GearError(Table):
     """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
 
     side: Literal["input", "output"]
-    """The shaft in whose revolutions `order` counts, the gear's `input` (motor) or `output`."""
+    """Shaft in whose revolutions `order` counts: the gear's `input` (motor) or its `output`."""
     order: Order
     """Waves per revolution."""
     angle: AngleMagnitude  # rad
-    r"""Amplitude of an angle that is added to the output's: angle sin(order $\theta$ + phase)."""
+    r"""Amplitude of this part of the error, angle sin(order $\theta$ + phase), which is added to the angle of
+    the gear's output."""
     phase: Angle = 0.0  # rad
     """Phase of this part."""
 
@@ -188,21 +192,21 @@ class LoadSide(Mass):
     """A second mass behind a gear and a soft shaft with backlash; inertia and friction are its own."""
 
     stiffness: Stiffness  # N*m/rad
-    """Torque of the shaft per twist, on the load side of the gear."""
+    """Torque of the shaft per twist. The twist is that on the load's side of the gear."""
     damping: ViscousFriction = 0.0  # N*m*s/rad
-    """Torque of the shaft per rate of its twist."""
+    """Torque of the shaft per speed of its twist."""
     backlash: AngleMagnitude = 0.0  # rad
-    """The whole gap, as an angle of the load; within it the shaft has no torque."""
+    """Whole gap as an angle of the load. Within the gap the shaft has no torque."""
     ratio: Annotated[float, Field(gt=0)] = 1.0
     """Speed of the motor over that of the load."""
     gear_errors: Many[GearError] = ()
-    """Parts of the gear's transmission error."""
+    """Parts of the gear's transmission error, by order."""
 
     @model_validator(mode="after")
     def _turns_on(self) -> Self:
         if self.slope[0] <= 0:
             raise invalid(
-                "expected smaller errors: with these the gear's output would turn back", "gear_errors"
+                "expected smaller errors: with these errors the gear's output would turn back", "gear_errors"
             )
         return self
 
@@ -219,20 +223,20 @@ class Accelerometer(Table):
     """An accelerometer on a carriage, whose logs `cogless run` writes as Klipper does."""
 
     axis: Literal["x", "y"]
-    """Axis of the sensor along which the carriage moves. It is in the logs' names, too."""
+    """Axis of the sensor along which the carriage moves. The logs' names contain it."""
     rate: Frequency = 3200.0  # Hz
     """Samples per second. `trace.rate` must be at least four times as high."""
     rate_error: Annotated[float, Field(ge=0, le=0.1)] = 0.0
-    """Share by which the sensor's own clock is off at most, at random in each log. Klipper measures this, so
-    that the times in a log are right."""
+    """Largest relative error of the sensor's own clock, drawn at random for each log. Klipper measures the
+    clock, so the times in a log are right."""
     noise: AccelerationMagnitude = 0.0  # m/s^2
-    """Standard deviation of the noise of each sample and axis."""
+    """Standard deviation of the noise on each axis of each sample."""
     resolution: AccelerationMagnitude = 0.0  # m/s^2
-    """Step of the samples, such as 0.0392 m/s^2 of an ADXL345. 0: none."""
+    """Step of the sampled acceleration, such as 0.0392 m/s^2 of an ADXL345. 0: no steps."""
     late: Time = 0.0  # s
-    """Most by which a log begins after the run, at random in each log."""
+    """Largest delay from the run's beginning to the log's beginning, drawn at random for each log."""
     logs: Annotated[int, Field(ge=1, le=100)] = 1
-    """Logs of each run, each with noise, clock and beginning of its own."""
+    """Number of logs of each run. Each draws its own noise, clock error and beginning."""
 
 
 class Belt(Table):
@@ -243,19 +247,20 @@ class Belt(Table):
     pitch: Length = 2e-3  # m
     """Length of a tooth of the belt."""
     mass: CarriageMass  # kg
-    """Mass of the carriage and of all that moves with it. For an axis of a CoreXY printer: half of the mass
-    that moves along this axis."""
+    """Mass of the carriage and of all that moves with it. For one axis of a CoreXY printer give half of the
+    mass that moves along this axis."""
     resonance: Frequency | None = None  # Hz
     """Frequency at which the carriage swings on its belt while the motor's shaft is held. Give this or
-    `stiffness`. The resonance that an input shaper measures is another: the motor's field gives way there."""
+    `stiffness`. An input shaper measures another resonance, in which the shaft also gives way against the
+    motor's field."""
     stiffness: BeltStiffness | None = None  # N/m
-    """Force of the belt per stretch, of both its halves together."""
+    """Force of the belt per stretch, both halves of the belt together."""
     damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.05
-    """Damping of that swinging over the critical one."""
+    """Damping of this swinging, relative to critical damping."""
     friction: Force = 0.0  # N
     """Friction force of the carriage while it moves."""
     accelerometer: Accelerometer | None = None
-    """A sensor of which each run has logs. It changes nothing else."""
+    """Accelerometer of which each run writes logs. It does not change the motion."""
 
     @model_validator(mode="after")
     def _one_word(self) -> Self:
@@ -285,20 +290,20 @@ class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
 
     load_side: LoadSide | None = None
-    """A second mass behind a gear and a soft shaft. `inertia` and frictions are then those of the motor's
-    side."""
+    """A second mass behind a gear and a soft shaft. `inertia` and the frictions of `[mechanics]` are then
+    those of the motor's side."""
     belt: Belt | None = None
-    """A carriage on a belt, in place of `load_side`."""
+    """A carriage on a belt. It replaces `load_side`."""
     load: Load = Load()
-    """The load that belongs to the machine, also present in commissioning runs; a plain torque is short for
-    `{ torque = ... }`."""
+    """Load that belongs to the machine and also acts in commissioning runs. A plain torque is short for `{
+    torque = ... }`."""
 
     @model_validator(mode="after")
     def _carriage(self) -> Self:
         if self.belt is None:
             return self
         if self.load_side is not None:
-            raise invalid("expected none, since there is a load_side", "belt")
+            raise invalid("expected no such key, since there is a load_side", "belt")
         return self.model_copy(update={"load_side": self.belt.load_side})
 
     @property

@@ -37,7 +37,7 @@ EXPECTED = {
     "less_than_equal": "expected a number of {le:g} or less",
     "too_short": "expected {min_length} or more",
     "union_tag_invalid": "expected one of {expected_tags}",
-    "union_tag_not_found": "expected one that says which kind it is",
+    "union_tag_not_found": "expected a value that says which kind this table is",
     "literal_error": "expected {expected}",
 }
 OF_WORDS, WORDS = ("union_tag_invalid", "literal_error"), re.compile(r'"([^"]+)"')
@@ -142,7 +142,7 @@ def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
     if kind == "union_tag_not_found":
         return next((MISSING_KINDS[part] for part in reversed(key) if part in MISSING_KINDS), None)
     if kind == "tuple_type" and isinstance(value, dict):
-        return f"expected an array of tables, [[{dotted(key)}]]"
+        return f"expected an array of tables, written as [[{dotted(key)}]]"
     if len(key) == 2 and key[0] in NAMED_TABLES and value is not MISSING and not isinstance(value, dict):
         return f"expected a table with a name, such as [{key[0]}.{NAMED_TABLES[key[0]]}]"
     return None

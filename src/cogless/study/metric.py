@@ -58,7 +58,7 @@ class Metric(Table):
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-    """Name in tables; in `results.json` it gets its SI unit as an ending."""
+    """Name in tables. In `results.json` the SI unit is appended to it."""
     kind: Literal[
         "peak-to-peak",
         "rms",
@@ -83,35 +83,35 @@ class Metric(Table):
     ]
     """What is computed."""
     signal: str | None = None
-    """Signal that it is computed from. Default: `omega_m` for `dip`, `settling` and `overshoot`,
-    `theta_load` for `carriage-ripple`. None for `copper-loss` and `chattering`."""
+    """Signal from which the metric is computed. Default: `omega_m` for `dip`, `settling` and `overshoot`,
+    `theta_load` for `carriage-ripple`. `copper-loss` and `chattering` have none."""
     window: tuple[Time, Time] | None = Field(default=None, strict=False)  # s
-    """Start and end time. Default: from the event to the next one, else the whole run."""
+    """Start and end time. Default: from the event to the next event, or without an event the whole run."""
     last: Duration | None = None  # s
-    """This time at the end of each scenario, in place of a window or an event."""
+    """Duration of a window at the end of each scenario. It replaces `window` and `event`."""
     scenarios: Many[str] | None = None
-    """Scenarios in which it is computed. Default: all, or those that have the event."""
+    """Scenarios in which the metric is computed. Default: all, or with `event` those that have this event."""
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    """Orders of a revolution, for kind `order`."""
+    """Orders of a revolution that kind `order` computes."""
     frame: Literal["electrical", "mechanical"] = "mechanical"
-    """Kind `order`: revolution that orders count in. Other kinds: whether angles and speeds are mechanical or
-    electrical, [times the pole pairs](/guide/metrics.md#frame)."""
+    """For kind `order`: the revolution in which orders count. For other kinds: whether angles and speeds are
+    mechanical or electrical, that is [times the pole pairs](/guide/metrics.md#frame)."""
     event: Time | None = None  # s
-    """Time of a load event, for `dip`, `settling` and `overshoot`."""
+    """Time of the load event that `dip`, `settling` and `overshoot` assess."""
     band: float | None = None  # SI
-    """Half width, in the signal's unit, for `settling` and `exceeds`."""
+    """Half width of the band of `settling` and `exceeds`, in the signal's unit."""
     floor: float | None = None  # SI
-    """Floor for `trials-to-floor`, in the signal's unit."""
+    """Floor of `trials-to-floor`, in the signal's unit."""
     smooth: Duration | None = None  # s
-    """Centred mean over this time before a `dip`, `settling` or `overshoot` is taken, so that ripple does not
-    count. For `time-to-learn`: length of the pieces."""
+    """For `dip`, `settling` and `overshoot`: time of a centred moving average, so that ripple does not count.
+    For `time-to-learn`: length of the pieces."""
     unit: str | None = None  # SI
-    """Unit in tables and report; `results.json` is in SI. Default: SI, but for speeds and angles the [unit
-    that the study uses](/guide/metrics.md#units)."""
+    """Unit in tables and report; `results.json` always has SI units. Default: SI, but for speeds and angles
+    the [unit that the study uses](/guide/metrics.md#units)."""
     better: Literal["lower", "higher", "none"] = "lower"
-    """What counts as best in tables."""
+    """Which values the tables mark as best."""
     limit: float | None = None  # SI
-    """What is still good: at most, or at least where higher is better. `cogless sweep` tells the share of
+    """Largest acceptable value; the smallest one if higher is better. `cogless sweep` shows the share of
     variants that keep it."""
 
     @classmethod
@@ -143,7 +143,7 @@ class Metric(Table):
         if value is None or dimension is None:
             return value
         if info.data.get("better") == "none":
-            raise invalid('expected none, since better is "none"')
+            raise invalid('expected no such key, since better is "none"')
         return Quantity(dimension, bare=not dimension.unit).read(value)
 
     @field_validator("unit")
@@ -171,16 +171,16 @@ class Metric(Table):
         }
         for key, needed in needs.items():
             if needed and getattr(self, key) in (None, ()):
-                raise invalid(f'expected one, since kind is "{self.kind}"', key, value="missing")
+                raise invalid(f'expected this key, since kind is "{self.kind}"', key, value="missing")
             optional = key == "event" or (key == "smooth" and self.kind in AT_AN_EVENT)
             if not needed and not optional and getattr(self, key) is not None:
-                raise invalid(f'expected none, since kind is "{self.kind}"', key)
+                raise invalid(f'expected no such key, since kind is "{self.kind}"', key)
         if self.kind == "carriage-ripple" and self.signal not in OF_A_CARRIAGE:
             raise invalid(f"expected {' or '.join(OF_A_CARRIAGE)}", "signal")
         if self.last is not None and (self.window, self.event) != (None, None):
-            raise invalid("expected one of window, last and event", "last")
+            raise invalid("expected only one of window, last and event", "last")
         if self.window is not None and self.window[1] <= self.window[0]:
-            raise invalid("expected a window that ends after it begins", "window")
+            raise invalid("expected an end after the beginning", "window")
         return self
 
     def span(self, end: float) -> tuple[float, float] | None:

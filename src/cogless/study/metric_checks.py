@@ -35,9 +35,9 @@ OF_A_LAW = "expected a signal that a controller of this study has"
 NEEDED = {
     "electrical": "expected another signal, since the current loop is ideal",
     "three_phases": "expected another signal, since the motor has two phases",
-    "thermal": "expected another signal, or a table motor.temperature",
+    "thermal": "expected another signal, or the table motor.temperature",
     "energy": "expected another signal, or trace.energy = true",
-    "load_side": "expected another signal, or a table mechanics.load_side",
+    "load_side": "expected another signal, or the table mechanics.load_side",
     "within_periods": "expected another signal, or a trace.rate above drive.rates.current_loop",
     "path": "expected another signal, or a controller such as harmonic with position = true",
     "trial_law": OF_A_LAW,
@@ -112,7 +112,9 @@ def metrics(study: Study | TrialStudy) -> None:
                 raise invalid(expected, "metric", index, "name")
         for other in namesakes:
             if metric.meaning != other.meaning:
-                expected = "expected the kind, signal, order and frame of the other metric of this name"
+                expected = (
+                    "expected the same kind, signal, order and frame as in the other metric of this name"
+                )
                 raise invalid(expected, "metric", index, "name")
         if metric.scenarios == ():
             raise invalid(one_of(study.scenario), "metric", index, "scenarios")
@@ -126,7 +128,7 @@ def known_signals(study: Study | TrialStudy) -> None:
     has_belt = study.mechanics is not None and study.mechanics.belt is not None
     for index, metric in enumerate(study.metric):
         if metric.kind == "carriage-ripple" and not has_belt:
-            raise invalid("expected another kind, or a table mechanics.belt", "metric", index, "kind")
+            raise invalid("expected another kind, or the table mechanics.belt", "metric", index, "kind")
     named = {index: metric.signal for index, metric in enumerate(study.metric) if metric.signal}
     for index, absent in zip(named, missing(study, named.values()), strict=True):
         if absent is not None:
@@ -159,14 +161,14 @@ def _between_samples(study: Study, index: int) -> None:
     if study.trace_rate < least * (1 - 1e-9):
         expected = f"expected another kind, or a trace.rate of {least:g} Hz or more"
         raise invalid(
-            f"{expected}, {ROWS_OF_PULSES_LEAST} rows in a period of the PWM", "metric", index, "kind"
+            f"{expected}, so that a PWM period has {ROWS_OF_PULSES_LEAST} rows", "metric", index, "kind"
         )
 
 
 def _in_time(study: Study, index: int, metric: Metric) -> None:
     event, scenarios = metric.event, study.scenario.values()
     if event is not None and metric.scenarios is None and not any(s.has_event(event) for s in scenarios):
-        raise invalid("expected the time of an event of a scenario", "metric", index, "event")
+        raise invalid("expected the time of an event in a scenario", "metric", index, "event")
     for name, scenario in study.scenario.items():
         if not metric.applies_in(name, scenario):
             continue
@@ -177,7 +179,7 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
             expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
             raise invalid(expected, "metric", index, "last")
         if event is not None and not scenario.has_event(event):
-            raise invalid(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
+            raise invalid(f'expected the time of an event in scenario "{name}"', "metric", index, "event")
         key, span = _span(study, metric, scenario)
         rate, rows = study.trace_rate, "rows of the trace"
         if metric.kind == "chattering":
@@ -224,7 +226,7 @@ def orders(study: Study) -> None:
             if metric.order is None:
                 expected = f"expected another kind, or a trace.rate above {2 * max(counted) * turns:.4g} Hz"
                 raise invalid(f'{expected} for scenario "{name}"', "metric", index, "kind")
-            limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
+            limit = f"expected orders below {half / turns:.4g}, half the trace's rate of {2 * half:g} Hz"
             raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
 
 
@@ -234,7 +236,7 @@ def of_trials(study: TrialStudy) -> None:
     for index, metric in enumerate(study.metric):
         if metric.kind not in EACH_TRIAL + EACH_PHASE:
             kind_names = ", ".join(EACH_TRIAL + EACH_PHASE)
-            raise invalid(f"expected a kind for trials: {kind_names}", "metric", index, "kind")
+            raise invalid(f"expected a kind for studies of trials: {kind_names}", "metric", index, "kind")
         for key in OVER_TIME:
             if getattr(metric, key) is not None:
-                raise invalid("expected none, in trials", "metric", index, key)
+                raise invalid("expected no such key in a study of trials", "metric", index, key)

@@ -63,13 +63,13 @@ class FluxHarmonic(Table):
     order: Order
     """Waves per electrical revolution."""
     d: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of $\psi_d$ += d cos(order $\theta_e$ + d_phase)."""
+    r"""Amplitude of this harmonic of $\psi_d$: d cos(order $\theta_e$ + d_phase)."""
     q: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of $\psi_q$ += q sin(order $\theta_e$ + q_phase)."""
+    r"""Amplitude of this harmonic of $\psi_q$: q sin(order $\theta_e$ + q_phase)."""
     d_phase: Angle = 0.0  # rad
-    """Phase of the d part."""
+    r"""Phase of the harmonic of $\psi_d$."""
     q_phase: Angle = 0.0  # rad
-    """Phase of the q part."""
+    r"""Phase of the harmonic of $\psi_q$."""
 
 
 class TorqueRipple(Table):
@@ -109,13 +109,13 @@ class Cogging(Table):
     order: Order
     """Waves per mechanical revolution."""
     torque: Torque | None = None  # N*m
-    r"""Amplitude of $\tau_{cog}$ += torque sin(order $\theta_m$ + phase); give this, `torque_peak_to_peak` or
-    `current`."""
+    r"""Amplitude of this harmonic of $\tau_{cog}$: torque sin(order $\theta_m$ + phase). Give this,
+    `torque_peak_to_peak` or `current`."""
     torque_peak_to_peak: Torque | None = None  # N*m
-    """Twice the amplitude, as datasheets have it."""
+    """Twice the amplitude. Datasheets usually state this value."""
     current: Current | None = None  # A
-    """Amplitude as holding current; torque = $K_t$ current. The cogging torque is opposite to the holding
-    torque: mind the sign of the phase."""
+    """Amplitude of the current that holds the rotor against this harmonic: torque = $K_t$ current. The
+    cogging torque has the opposite sign of the holding torque: mind this in `phase`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic, in its own angle."""
 
@@ -157,31 +157,31 @@ class Motor(Table):
     """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
     """
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
-    """Electrical revolutions in a mechanical one."""
+    """Electrical revolutions in a mechanical revolution."""
     slots: Annotated[int, Field(ge=3, le=10_000)] | None = None
-    """Teeth of the stator. With the poles they tell the orders of cogging; only [harmonic](/laws/harmonic.md)
-    needs them."""
+    """Teeth of the stator. Slots and poles give the orders of cogging. Only [harmonic](/laws/harmonic.md)
+    needs this key."""
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts
     R_s: Resistance | None = None  # ohm
     """Resistance of one winding."""
     resistance_line_to_line: Resistance | None = None  # ohm
     """Resistance between two terminals: twice that of a phase of the star equivalent."""
     L_d: Inductance | None = None  # H
-    """Inductance of one winding, d axis."""
+    """Inductance of one winding in the d axis."""
     L_q: Inductance | None = None  # H
-    """Inductance of one winding, q axis."""
+    """Inductance of one winding in the q axis."""
     inductance_line_to_line: Inductance | None = None  # H
     """Inductance between two terminals, for $L_d = L_q$: twice that of a phase of the star equivalent."""
     psi_f: FluxLinkage | None = None  # Wb
-    """Flux linkage of the magnet, peak, of one winding. Give this or another word for the magnet, down to
-    `K_e_phase_rms`."""
+    """Peak flux linkage of the magnet with one winding. Instead you may give another constant of the magnet,
+    one of the next keys down to `K_e_phase_rms`."""
     K_t: TorqueConstant | None = None  # N*m/A
     r"""Torque per peak line current, $1.5\, p\, \psi_f$ of the star equivalent."""
     K_t_rms: TorqueConstant | None = None  # N*m/A
     r"""Torque per rms line current, $\sqrt2\, K_t$."""
     kv: SpeedConstant | None = None  # rad/s/V
     r"""No-load speed per peak voltage from line to line, $1/(\sqrt3\, p\, \psi_f)$ of the star equivalent:
-    $K_t = \frac{\sqrt3}{2}/k_v$. The "Kv" of hobby motors, in rpm per volt of the battery, is this."""
+    $K_t = \frac{\sqrt3}{2}/k_v$. This is the "Kv" of hobby motors, in rpm per volt of the battery."""
     kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
     r"""Speed per rms voltage from line to line, $\sqrt2\, k_v$."""
     kv_phase_peak: SpeedConstant | None = None  # rad/s/V
@@ -191,15 +191,16 @@ class Motor(Table):
     K_e_line_to_line_peak: BackEmfConstant | None = None  # V*s/rad
     """Peak voltage from line to line per speed, $1/k_v$."""
     K_e_line_to_line_rms: BackEmfConstant | None = None  # V*s/rad
-    """Rms voltage from line to line per speed, often in V per 1000 rpm: write `"46 mV/rpm"` for 46 of those.
-    """
+    """Rms voltage from line to line per speed. Datasheets often state it in V per 1000 rpm: write 46 V per
+    1000 rpm as `"46 mV/rpm"`."""
     K_e_phase_peak: BackEmfConstant | None = None  # V*s/rad
     r"""Peak voltage from line to star point per speed, $p\, \psi_f$."""
     K_e_phase_rms: BackEmfConstant | None = None  # V*s/rad
     """Rms voltage from line to star point per speed."""
     winding: Literal["star", "delta"] = "star"
-    r"""Connection of the windings that `R_s`, `L_d`, `L_q` and flux linkages are of. A delta is turned into
-    its star equivalent: a third of resistance and inductance, $1/\sqrt 3$ of the flux linkage."""
+    r"""Connection of the windings to which `R_s`, `L_d`, `L_q` and the flux linkages refer. A delta is
+    converted to its star equivalent: a third of resistance and inductance, $1/\sqrt 3$ of the flux
+    linkage."""
     rated_torque: Torque | None = None  # N*m
     """Rated torque, for information."""
     rated_speed: AngularSpeed | None = None  # rad/s
@@ -207,22 +208,26 @@ class Motor(Table):
     flux_harmonics: Many[FluxHarmonic] = ()
     """Harmonics of the magnet's flux linkage."""
     torque_ripple: Many[TorqueRipple] = ()
-    """Harmonics of the torque constant, in per cent."""
+    """Harmonics of the torque constant."""
     cogging: Many[Cogging] = ()
     """Harmonics of the cogging torque."""
     cogging_table: CoggingTable | None = None
-    """Measured cogging over the angle, from a CSV file; added to `cogging`."""
+    """Cogging over the angle, measured, from a CSV file. It is added to `cogging`."""
     back_emf_table: BackEmfTable | None = None
-    """Measured back-EMF over the angle, from a CSV file: a word for the magnet, and flux harmonics."""
+    """Back-EMF over the angle, measured, from a CSV file. It gives the magnet's flux and `flux_harmonics`."""
     saturation: Saturation | None = None
-    """Flux linkages over the currents. Default: constant inductances. Not for a delta."""
+    """Flux linkages as functions of the currents. Default: constant inductances. A delta winding can't have
+    this table."""
     temperature: MotorTemperature | None = None
     """Temperature of winding and magnets. Default: resistance and flux stay as given."""
 
     @model_validator(mode="after")
     def _check_constants(self) -> Self:
         if not self._torque_constants:
-            raise invalid('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
+            raise invalid(
+                'expected a constant of the magnet, such as psi_f = "68 mWb", K_t = "0.4 N*m/A" or kv = "300 '
+                'rpm/V"'
+            )
         if not self._resistances:
             raise invalid(
                 'expected a resistance, such as "1 ohm", or resistance_line_to_line', "R_s", value="missing"
@@ -233,7 +238,9 @@ class Motor(Table):
                 raise invalid(expected, axis, value="missing")
         for word in OF_A_PHASE:
             if self.winding == "delta" and getattr(self, word) is not None:
-                raise invalid("expected a word from line to line, since a delta has no star point", word)
+                raise invalid(
+                    "expected a key with line_to_line in its name, since a delta has no star point", word
+                )
         measured = self.back_emf_table
         if self.winding == "delta" and measured is not None and measured.between == "phase":
             expected = 'expected "line-to-line", since a delta has no star point'
@@ -242,7 +249,7 @@ class Motor(Table):
             check_agreement(by_word)
         if self.saturation is not None:
             if self.winding == "delta":
-                raise invalid("expected none, since the winding is a delta", "saturation")
+                raise invalid("expected no such key, since the winding is a delta", "saturation")
             star = self.star()
             self.saturation.check(star.L_d, star.L_q)
         return self
@@ -282,11 +289,11 @@ class Motor(Table):
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
         if key in OTHER_WORDS:
-            return f"expected {OTHER_WORDS[key]} in its place"
+            return f"expected the key {OTHER_WORDS[key]} instead"
         if key != "poles":
             return None
         even = isinstance(value, int) and value > 0 and value % 2 == 0
-        return f'expected "pole_pairs", half of the poles{f": {value // 2}" if even else ""}'
+        return f'expected the key "pole_pairs" instead, half of the poles{f": {value // 2}" if even else ""}'
 
     @property
     def phases(self) -> int:
@@ -389,7 +396,8 @@ class StepMotor(Table):
     """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
     """
     teeth: Annotated[int, Field(ge=1, le=MOST_TEETH)] | None = None
-    """Number of rotor teeth $N_r$: electrical revolutions in a mechanical one. Give this or `step_angle`."""
+    """Number of rotor teeth $N_r$, which is the number of electrical revolutions in a mechanical one. Give
+    this or `step_angle`."""
     step_angle: Angle | None = None  # rad
     r"""Angle of a full step, $2 \pi / (4 N_r)$."""
     R_s: Resistance  # ohm
@@ -397,26 +405,26 @@ class StepMotor(Table):
     L_0: Inductance  # H
     """Inductance of a phase."""
     L_1: InductanceAmplitude = 0.0  # H
-    """Inductance of the saliency: $L_d = L_0 + L_1$, $L_q = L_0 - L_1$; smaller than `L_0`."""
+    """Amplitude of the inductance's saliency, smaller than `L_0`: $L_d = L_0 + L_1$, $L_q = L_0 - L_1$."""
     L_m: Many[InductanceAmplitude] = ()  # H
     r"""Coefficients $L_{m1}, L_{m2}, \ldots$ of the magnet's flux. The first makes the mean torque, $K_t =
     N_r i_f L_{m1}$; $L_{mj}$ makes ripple of electrical order $j - 1$. Give this or `holding_torque`."""
     holding_torque: PositiveTorque | None = None  # N*m
-    r"""Torque that both phases hold with `rated_current` each: $K_t$ = holding_torque / ($\sqrt2$
+    r"""Holding torque with `rated_current` in both phases: $K_t$ = holding_torque / ($\sqrt2$
     rated_current)."""
     rated_current: PositiveCurrent | None = None  # A
-    """Direct current of each phase at which the motor has its `holding_torque`."""
+    """Direct current in each of both phases at `holding_torque`."""
     L_m_backward: Many[InductanceAmplitude] = ()  # H
-    r"""As `L_m`, of flux waves that turn backwards; $L_{mj}$ makes ripple of electrical order $j + 1$. The
-    third harmonic of a symmetric motor is the third of these."""
+    """Like `L_m`, but for flux waves that turn backwards: $L_{mj}$ makes ripple of electrical order $j + 1$.
+    In a symmetric motor, the third harmonic of the flux is the third of these coefficients."""
     L_f: Many[InductanceAmplitude] = ()  # H
     r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque, $L_{fj}$ of electrical order $j$. Give
     this or `detent_torque`."""
     detent_torque: Torque | None = None  # N*m
-    r"""Amplitude of the cogging torque of electrical order 4, $2 N_r i_f^2 L_{f4}$. The torque that a
-    datasheet states turns the rotor without current, and has friction in it."""
+    """Amplitude of the cogging torque of electrical order 4, $2 N_r i_f^2 L_{f4}$. The detent torque of a
+    datasheet turns the rotor without current, so it contains friction."""
     i_f: PositiveCurrent = 1.0  # A
-    """Fictitious current of the magnet."""
+    """Fictitious current that stands for the magnet."""
 
     @model_validator(mode="after")
     def _one_word_each(self) -> Self:
@@ -424,7 +432,9 @@ class StepMotor(Table):
             expected = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
             raise invalid(expected, "teeth", value="missing")
         if self.step_angle is not None and not teeth_of(self.step_angle):
-            raise invalid('expected 360 deg over four times the teeth, such as "1.8 deg"', "step_angle")
+            raise invalid(
+                'expected 360 deg divided by four times the number of teeth, such as "1.8 deg"', "step_angle"
+            )
         if bool(self.L_m) == (self.holding_torque is not None):
             expected = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
             raise invalid(expected, "L_m", value="missing")
@@ -432,13 +442,13 @@ class StepMotor(Table):
             expected = 'expected the direct current of each phase at the holding torque, such as "1.5 A"'
             raise invalid(expected, "rated_current", value="missing")
         if self.L_f and self.detent_torque is not None:
-            raise invalid("expected none, since detent_torque is given", "L_f")
+            raise invalid("expected no such key, since detent_torque is given", "L_f")
         return self
 
     @model_validator(mode="after")
     def _magnet(self) -> Self:
         if self.L_m and self.L_m[0] <= 0:
-            raise invalid("expected L_m1 above zero, and then the others", "L_m")
+            raise invalid("expected a first coefficient (L_m1) above zero", "L_m")
         if abs(self.L_1) >= self.L_0:
             raise invalid("expected less than L_0", "L_1")
         return self

@@ -30,7 +30,10 @@ def integration(study: Study) -> None:
     most, why = voltage_reach(study), ""
     if asked_top > most:
         reachable, reference = most / RPM, asked_top / RPM
-        why = f"; its voltage turns the motor at {reachable:.4g} rpm without load, not at {reference:.4g}"
+        why = (
+            f"; at the bus voltage the motor reaches {reachable:.4g} rpm without load, not {reference:.4g} "
+            "rpm"
+        )
     reached = min(asked_top, OVERMODULATION_MOST * most)
     top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(asked_top, asked))
     rates_of_plant = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
@@ -97,12 +100,12 @@ def natural_rates(
     cogging = sum(abs(h.torque) * h.order for h in motor.cogging)
     of_current = [
         (motor.R_s / inductance, "the current (R_s / L)"),
-        (math.sqrt(swing), "the speed with the current (K_t, inertia, L)"),
+        (math.sqrt(swing), "the oscillation of speed and current (K_t, inertia, L)"),
     ]
     return [
         *(of_current if electrical else ()),
         (mechanics.viscous_friction / inertia, "the speed (viscous_friction / inertia)"),
-        (math.sqrt(cogging / inertia), "the speed in the cogging torque"),
+        (math.sqrt(cogging / inertia), "the oscillation in the cogging torque"),
         (top * max(orders), f"the highest order {TOP}"),
         *_of_friction(mechanics, top, "mechanics"),
         *(() if side is None else (_of_shaft(mechanics, side), *_of_load_side(side, top))),
@@ -115,7 +118,7 @@ def _of_friction(mass: Mass, top: float, key: str) -> list[tuple[float, str]]:
     if mass.stribeck_speed:
         # the steepest slope of exp(-x^2) is sqrt(2 / e)
         slope = (mass.breakaway - mass.coulomb_friction) / mass.stribeck_speed * math.sqrt(2 / math.e)
-        rates.append((slope / mass.inertia, f"the speed with {key}.stribeck_speed"))
+        rates.append((slope / mass.inertia, f"the speed under the friction of {key}.stribeck_speed"))
     return rates
 
 
@@ -146,7 +149,9 @@ def heating(study: Study | TrialStudy) -> None:
         return
     fastest, rate = temperature.heating.fastest, study.drive.rates.current_loop
     if fastest > LARGEST_STEP * rate:
-        expected = f"expected larger capacities, since a temperature changes within {1e6 / fastest:.3g} us"
+        expected = (
+            f"expected larger heat capacities, since a temperature changes within {1e6 / fastest:.3g} us"
+        )
         raise invalid(expected, "motor", "temperature", "heating")
 
 
@@ -157,7 +162,7 @@ def current_range(study: Study | TrialStudy) -> None:
         return
     span, limit = drive.current_sensors.range, drive.current_loop.current_limit
     if span < limit:
-        expected = f"expected drive.current_loop.current_limit, {limit:g} A, or more"
+        expected = f"expected {limit:g} A (drive.current_loop.current_limit) or more"
         raise invalid(expected, "drive", "current_sensors", "range", value=f"{span:g} A")
 
 
@@ -182,5 +187,5 @@ def size(study: Study) -> None:
     for name, scenario in study.scenario.items():
         if scenario.duration * study.trace_rate > TRACE_ROWS_MOST:
             longest = TRACE_ROWS_MOST / study.trace_rate
-            expected = f"expected at most {longest:.6g} s with rows at {study.trace_rate:g} Hz (trace.rate)"
+            expected = f"expected at most {longest:.6g} s at a trace.rate of {study.trace_rate:g} Hz"
             raise invalid(expected, "scenario", name, "duration")

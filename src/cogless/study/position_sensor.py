@@ -33,8 +33,9 @@ class Mounted(Table):
     """A sensor on the shaft of the motor or of the load."""
 
     side: Literal["motor", "load"] = "motor"
-    """Shaft that the sensor is on. On the `load`'s the drive takes angle and speed times the gear's ratio, a
-    whole number, for the motor's. Twist and gear error then disturb law and commutation."""
+    """Shaft on which the sensor sits. From a sensor on the `load`, the drive computes the motor's angle and
+    speed by the gear's ratio, which must be a whole number. Twist and gear error then disturb law and
+    commutation."""
 
 
 class IdealSensor(Mounted):
@@ -50,7 +51,7 @@ class AngleOrder(Table):
     order: Annotated[int, Field(ge=1, le=ORDER_MAX)]
     """Waves per mechanical revolution."""
     amplitude: Angle  # rad
-    r"""The angle's error += amplitude sin(order $\theta_m$ + phase)."""
+    r"""Amplitude of this order of the angle's error: amplitude sin(order $\theta_m$ + phase)."""
     phase: Angle = 0.0  # rad
     """Phase of this order."""
 
@@ -59,28 +60,30 @@ class Counted(Mounted):
     """A sensor that shows the angle in steps; its speed follows from them."""
 
     kind: str
-    """Kind of the sensor, by which its own table is chosen."""
+    """Kind of the sensor. Each kind has a table of its own keys."""
     speed_method: Literal["M", "average", "T", "MT", "observer"] = "M"
-    """Counts in a speed-loop period (M), time between edges (T), or both (MT); a moving average of the
-    differences (average), or an observer of the angle (observer). M is noisy where few counts come in a
-    period, and laws learn that noise. MT is not, if the hardware can time edges. T and MT are for encoders.
-    """
+    """How the speed is measured: counts in a speed-loop period (M), time between edges (T), both (MT), a
+    moving average of the differences (average), or an observer of the angle (observer). M is noisy where few
+    counts come in a period, and laws learn this noise. MT is not noisy, but needs hardware that times edges.
+    T and MT are for encoders only."""
     window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop periods, with average only
-    """Window of the moving average, in current-loop periods. Only with that method."""
+    """Window of the moving average, in current-loop periods. Only with `speed_method` average."""
     observer_bandwidth: Frequency | None = None  # Hz
-    """Bandwidth of the observer, three times the speed loop's crossover or more. Only with that method."""
+    """Bandwidth of the observer, at least three times the crossover of the speed loop. Only with
+    `speed_method` observer."""
     eccentricity: Angle = 0.0  # rad
-    """Amplitude of the angle error with one wave per revolution, the usual one of `error`."""
+    """Amplitude of an angle error with one wave per revolution. It is the most usual order of `error`."""
     eccentricity_phase: Angle = 0.0  # rad
-    """Phase of that error."""
+    """Phase of the error by `eccentricity`."""
     error: Many[AngleOrder] = ()
-    """Orders of the error, which adds to the true angle."""
+    """Orders of an error that is added to the true angle."""
     error_table: File | None = None
-    """CSV of the error over the mechanical angle, relative to the study, with units in its first line: `angle
-    [deg],error [deg]`. Eight angles or more rise over one revolution, which must close. Linear in between."""
+    """CSV of the error over the mechanical angle, with units in its first line: `angle [deg],error [deg]`.
+    The path is relative to the study. At least eight rising angles span one revolution, over which the error
+    must close. Between the angles the error is linear."""
     latency: Time = 0.0  # s
-    """Age of the angle that is sampled, and of the speed from it. Not with T and MT, whose edges are timed.
-    """
+    """Age of the sampled angle, and of the speed that is computed from it. Not with T and MT, which time the
+    edges."""
     _errors: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -88,16 +91,17 @@ class Counted(Mounted):
         for key, method in (("observer_bandwidth", "observer"), ("window", "average")):
             is_set = key in self.model_fields_set and getattr(self, key) is not None
             if is_set and self.speed_method != method:
-                raise invalid(f'expected none, unless speed_method is "{method}"', key)
+                raise invalid(f'expected no such key, unless speed_method is "{method}"', key)
         if self.observer_bandwidth is None and self.speed_method == "observer":
             raise invalid("expected a frequency", "observer_bandwidth", value="missing")
         if self.timed and self.latency:
-            raise invalid("expected none, since the edges are timed", "latency")
+            raise invalid("expected no such key, since the edges are timed", "latency")
         slope = sum(abs(part["order"] * part["amplitude"]) for part in self.orders)
         if slope >= 1:
-            expected = "expected orders whose amplitudes, each times its order, add up to less than 1 rad"
+            expected = "expected a sum of all order * amplitude below 1 rad"
             raise invalid(
-                f"{expected}, or the angle runs backward", "error" if self.error else "eccentricity"
+                f"{expected}: otherwise the measured angle runs backward",
+                "error" if self.error else "eccentricity",
             )
         return self
 
@@ -109,7 +113,11 @@ class Counted(Mounted):
         points = [*zip(self._errors.angle, self._errors.value, strict=True)]
         points.append((points[0][0] + math.tau, points[0][1]))
         if any(f - e <= a - b for (a, e), (b, f) in pairwise(points)):
-            raise invalid("expected an error that never falls as fast as the angle rises", "error_table")
+            raise invalid(
+                "expected an error that falls more slowly than the angle rises, or the measured angle runs "
+                "backward",
+                "error_table",
+            )
         return self
 
     @classmethod
@@ -199,9 +207,9 @@ class Encoder(Counted):
     kind: Literal["encoder"]
     """An incremental encoder with quadrature signals."""
     lines: Annotated[int, Field(ge=1, le=10_000_000)]
-    """Lines per revolution; four counts per line."""
+    """Lines per revolution. Each line gives four counts."""
     timer: Frequency = 100e6  # Hz
-    """Rate of the clock that times the edges, for T and MT."""
+    """Rate of the clock that times the edges. Only for T and MT."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -225,14 +233,14 @@ class Absolute(Counted):
     """Absolute encoder, whose word is the angle."""
 
     kind: Literal["absolute"]
-    """An absolute encoder, which measures as a resolver does."""
+    """An absolute encoder. It measures as a resolver does."""
     bits: Annotated[int, Field(ge=1, le=31)] | None = None
-    """$2^{bits}$ positions per revolution; give this or `positions`."""
+    """The encoder has $2^{bits}$ positions per revolution. Give this or `positions`."""
     positions: Annotated[int, Field(ge=2, le=2**31)] | None = None
     """Positions per revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """A moving average of the differences (average), the difference over a speed-loop period (M), or an
-    observer."""
+    """How the speed is measured: a moving average of the differences (average), the difference over a
+    speed-loop period (M), or an observer of the angle (observer)."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -257,8 +265,8 @@ class Resolver(Counted):
     bits: Annotated[int, Field(ge=1, le=32)] = 14
     """The converter has $2^{bits}$ counts per revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """A moving average of the differences (average), the difference over a speed-loop period (M), or an
-    observer."""
+    """How the speed is measured: a moving average of the differences (average), the difference over a
+    speed-loop period (M), or an observer of the angle (observer)."""
 
     @property
     def counts(self) -> int:
@@ -270,13 +278,14 @@ class Hall(Table):
 
     side: ClassVar[Literal["motor"]] = "motor"
     kind: Literal["hall"]
-    """Three Hall sensors, six edges per electrical revolution; the angle between edges is interpolated."""
+    """Three Hall sensors with six edges per electrical revolution. The angle between edges is
+    interpolated."""
     placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6  # rad
-    """Electrical angle by which each edge of an electrical revolution comes late. The first is that at angle
-    zero, the others follow every 60 deg."""
+    """Electrical angle by which each of the six edges comes late. The first edge belongs at angle zero, the
+    next ones every 60 deg."""
     edges: Annotated[int, Field(ge=1, le=6)] = 6
-    """Intervals between edges that the speed is taken over. Over six the errors of placement cancel; over
-    fewer the speed is younger."""
+    """Number of intervals between edges over which the speed is taken. Over six, the errors of placement
+    cancel. Over fewer, the speed is younger."""
     timer: Frequency = 1e6  # Hz
     """Rate of the clock that times the edges."""
 
@@ -285,7 +294,9 @@ class Hall(Table):
         if len(self.placement) != 6:
             raise invalid("expected six angles, one for each edge", "placement")
         if any(abs(late) >= math.radians(30) for late in self.placement):
-            raise invalid("expected less than 30 deg each, or edges change places", "placement")
+            raise invalid(
+                "expected less than 30 deg for each edge: otherwise edges change places", "placement"
+            )
         return self
 
     def step(self, pole_pairs: int) -> float:

@@ -141,7 +141,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     path = find(study, "studies", "study")
     tables = read(path)
     if is_arena(tables):
-        raise StudyError(f"{path}: an arena: expected a study; cogless run takes an arena, too")
+        raise StudyError(f"{path}: is an arena: expected a study; only cogless run takes an arena, too")
     changes = dict(changes or {})
     if "motor.datasheet" in changes:
         _apply(f"{path}: ", tables, {"motor.datasheet": changes.pop("motor.datasheet")})
@@ -229,7 +229,7 @@ def find(name: str | Path, room: str, what: str, folder: Path | None = None, whe
             return named_file
         if path.is_dir():
             raise StudyError(f"{named}is a directory: expected a {what} file")
-    expected = f"expected a file, or one of the shipped: {', '.join(shipped_files) or 'none'}"
+    expected = f"expected a file, or one of the shipped {room}: {', '.join(shipped_files) or 'none'}"
     raise StudyError(
         f"{named}no such {what}: {expected}{perhaps(path.name, [*shipped_files, *_beside_it(path)])}"
     )
@@ -300,7 +300,9 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
             value_there = inner[str(part)] = {}
         elif isinstance(value_there, str):
             # A short form such as reference = "60 rpm" is a text, which has no keys.
-            raise StudyError(f"{key}: {toml_text(value)}: expected a table at {dotted(path[: depth + 1])}")
+            raise StudyError(
+                f"{key}: {toml_text(value)}: expected a table at {dotted(path[: depth + 1])}, not a text"
+            )
         elif isinstance(inner, list) and value_there is MISSING:
             raise StudyError(f"{key}: {toml_text(value)}: {_index_hint(inner, path[:depth])}")
         inner = value_there
@@ -395,7 +397,9 @@ def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
             ):
                 continue
             if f"{table}.{parts[1]}.{needed}" not in changes:
-                expected = f"expected a {table} of {', '.join(defined)}{perhaps(str(parts[1]), defined)}"
+                expected = (
+                    f"expected one of the {table}s {', '.join(defined)}{perhaps(str(parts[1]), defined)}"
+                )
                 raise StudyError(f"{path}: {key}: {toml_text(value)}: {expected}")
 
 

@@ -55,33 +55,34 @@ class Reference(Table):
     """
 
     speed: AngularSpeed = 0.0  # rad/s
-    """Constant speed; with `ramp`, where the ramp ends."""
+    """Constant speed. With `ramp`: the speed at which the ramp ends."""
     ramp: AngularAcceleration = 0.0  # rad/s^2
-    """Slope, from `initial_speed`."""
+    """Slope of a ramp that begins at `initial_speed`."""
     profile: Many[tuple[Time, AngularSpeed]] = ()  # s
-    """Points [time, speed]; linear in between, the ends held."""
+    """Points [time, speed]. Between two points the speed is linear; before the first and after the last it is
+    constant."""
     offset: AngularSpeed = 0.0  # rad/s
-    """Mean speed of a sine with `amplitude` and `frequency`, or of a sum of `sines`."""
+    """Mean speed of the sine that `amplitude` and `frequency` give, or of the sum of `sines`."""
     amplitude: AngularSpeed = 0.0  # rad/s
     """Amplitude of the sine."""
     frequency: Frequency = 0.0  # Hz
     """Frequency of the sine."""
     depth: float = 0.0
-    """Index of frequency modulation, the frequency deviation over `modulation`: offset + amplitude sin(2π
-    frequency t + depth sin(2π modulation t))."""
+    """Index of a frequency modulation, that is its frequency deviation over `modulation`: offset + amplitude
+    sin(2π frequency t + depth sin(2π modulation t))."""
     modulation: Frequency = 0.0  # Hz
     """Frequency of the frequency modulation."""
     sines: Many[Sine] = ()
     """Sines that are added to `offset`."""
     moves: Many[tuple[Time, Angle]] = ()  # s
-    """Points [time, angle]. The reference is at rest at each point and follows a polynomial of the fifth
-    degree between two."""
+    """Points [time, angle]. The reference is at rest at each point. Between two points it follows a
+    polynomial of the fifth degree."""
     file: File | None = None
-    """CSV of time and speed, relative to the study, in s and rad/s, or in the units of its first line: `time
-    [s],speed [rpm]`."""
+    """CSV of time and speed, in s and rad/s, or in the units of its first line: `time [s],speed [rpm]`. The
+    path is relative to the study."""
     smoothing: Time = 0.0  # s
-    """Time constant of a critically damped filter on the speed, so that it has a derivative. Goes with any
-    form."""
+    """Time constant of a critically damped filter on the speed, so that the speed has a derivative. It goes
+    with each form of reference."""
     _from_file: Points = PrivateAttr(default=())
 
     @classmethod

@@ -37,21 +37,22 @@ class CurrentFile(Table):
     """Values over a current, here or in a CSV file with the same columns."""
 
     current: Many[Current] = ()  # A
-    """Rising currents. They begin at zero for an axis that is alike in both directions; else zero is among
-    them. For `magnet`: $i_q$ from zero on."""
+    """Rising currents. For an axis that is alike in both directions they begin at zero; otherwise zero is
+    among them. For `magnet` they are $i_q$ from zero on."""
     flux: Many[FluxAmplitude] | None = None  # Wb
-    """Flux linkage at each current, zero at zero. For `d` and `q` its slope at zero must be `L_d` or `L_q` to
-    10 %. For `magnet` it is the change of the magnets' flux, negative for saturation."""
+    """Flux linkage at each current; it is zero at zero current. For `d` and `q` its slope at zero must equal
+    `L_d` or `L_q` to 10 %. For `magnet` it is the change of the magnets' flux, which is negative for
+    saturation."""
     file: File | None = None
-    """CSV with the columns `current` and `flux` (for `d` and `q` also `inductance`), units in its heading,
-    instead of these keys."""
+    """CSV that replaces these keys: columns `current` and `flux` (for `d` and `q` also `inductance`), with
+    units in its heading."""
 
     def _with_file(self, info: ValidationInfo, columns: Mapping[str, Dimension]) -> Self:
         """The table with the values of its file, if it has one."""
         if self.file is None or not info.context:
             return self
         if any(getattr(self, name) for name in ("current", *columns)):
-            raise invalid("expected none, since its values are given", "file")
+            raise invalid("expected no such key, since its values are given in the study", "file")
         column = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
         return self.model_copy(update={"current": tuple(column.along), column.name: tuple(column.value)})
 
@@ -61,7 +62,7 @@ class CurrentFile(Table):
         if len(current) < 3 or any(b <= a for a, b in pairwise(current)) or 0.0 not in current:
             raise invalid("expected three or more values that rise, zero among them", self._named("current"))
         if len(value) != len(current):
-            raise invalid(f"expected as many values as current has, {len(current)}", name)
+            raise invalid(f"expected {len(current)} values, as many as current has", name)
         if name == "flux" and value[current.index(0.0)] != 0.0:
             raise invalid("expected zero at zero current", self._named(name))
 
@@ -78,7 +79,7 @@ class OverCurrent(CurrentFile):
     """
 
     inductance: Many[Inductance] | None = None  # H
-    """Flux linkage over current at each current: the apparent inductance, not the slope."""
+    """Apparent inductance at each current: flux linkage over current, not the slope."""
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
@@ -136,11 +137,11 @@ class Saturation(Table):
     """
 
     d: OverCurrent | None = None
-    """Flux linkage of the d axis over $i_d$, without the magnets'. Default: $L_d i_d$."""
+    """Flux linkage of the d axis over $i_d$, without that of the magnets. Default: $L_d i_d$."""
     q: OverCurrent | None = None
     """Flux linkage of the q axis over $i_q$. Default: $L_q i_q$."""
     magnet: MagnetOverCurrent | None = None
-    """What $i_q$ takes from the magnets' flux, so that $K_t$ falls with the current. Default: nothing."""
+    """Change of the magnets' flux with $i_q$, by which $K_t$ falls with the current. Default: no change."""
 
     def engine_config(self) -> dict[str, Any]:
         """The tables as the engine reads them: points, and the slopes there of a monotone cubic."""
@@ -204,17 +205,17 @@ class Heating(Table):
     """Winding and magnets as bodies that the copper loss heats; a path that is left out conducts nothing."""
 
     ambient: Temperature  # degC
-    """Temperature of the ambient, or of a housing that stays as it is."""
+    """Temperature of the surroundings, or of a housing that keeps its temperature."""
     winding_capacity: HeatCapacity  # J/K
     """Heat capacity of the winding."""
     magnet_capacity: HeatCapacity  # J/K
     """Heat capacity of the magnets."""
     winding_to_ambient: ThermalResistance | None = None  # K/W
-    """Thermal resistance. Default: no heat goes this way."""
+    """Thermal resistance from winding to ambient. Default: no heat flows this way."""
     winding_to_magnet: ThermalResistance | None = None  # K/W
-    """Thermal resistance. Default: no heat goes this way."""
+    """Thermal resistance from winding to magnets. Default: no heat flows this way."""
     magnet_to_ambient: ThermalResistance | None = None  # K/W
-    """Thermal resistance. Default: no heat goes this way."""
+    """Thermal resistance from magnets to ambient. Default: no heat flows this way."""
 
     def paths(self) -> dict[str, float]:
         """Conductances between the bodies and the ambient, W/K."""
@@ -237,18 +238,18 @@ class MotorTemperature(Table):
     """
 
     reference: Temperature = 20.0  # degC
-    """Temperature of the resistance and flux in `[motor]`."""
+    """Temperature for which `[motor]` states resistance and flux."""
     winding: Temperature  # degC
     """Temperature of the winding at the start."""
     magnet: Temperature | None = None  # degC
     """Temperature of the magnets at the start. Default: that of the winding."""
     resistance_coefficient: TemperatureCoefficient = COPPER_COEFFICIENT
-    """Relative change of the resistance. Default: copper's at 20 degC."""
+    """Relative change of the resistance per kelvin. Default: that of copper at 20 degC."""
     flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
-    """Relative change of the flux, negative: about `"-0.0011 1/K"` for neodymium magnets, `"-0.002 1/K"` for
-    ferrite. Cogging changes with the square of the flux."""
+    """Relative change of the flux per kelvin. It is negative: about `"-0.0011 1/K"` for neodymium magnets,
+    `"-0.002 1/K"` for ferrite. Cogging changes with the square of the flux."""
     heating: Heating | None = None
-    """Heat capacities and paths of heat. Default: the temperatures stay."""
+    """Heat capacities and paths of heat. Default: the temperatures are constant."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

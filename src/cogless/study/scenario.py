@@ -48,7 +48,7 @@ class AngleFault(FaultBase):
     """The position sensor gives no number, or keeps giving the last angle."""
 
     kind: Literal["angle-missing", "angle-stuck"]
-    """Angle and speed are not numbers, or the sensor keeps its last angle."""
+    """`angle-missing`: angle and speed are not numbers. `angle-stuck`: the sensor keeps its last angle."""
 
     @property
     def effect(self) -> str:
@@ -59,10 +59,10 @@ class AngleJump(FaultBase):
     """The position sensor's angle has a constant error."""
 
     kind: Literal["angle-jump"]
-    """The measured angle is shifted. A jump that lasts to the scenario's end is an index that slips, or lost
+    """The measured angle is shifted. A shift that lasts to the scenario's end is like a slipped index or lost
     counts."""
     angle: Angle  # rad
-    """Mechanical angle of the shift."""
+    """Mechanical angle by which the measured angle is shifted."""
 
     @property
     def effect(self) -> str:
@@ -75,7 +75,8 @@ class CurrentFault(FaultBase):
     kind: Literal["current-missing", "current-zero"]
     """The output of a current sensor is not a number, or is zero."""
     phase: Literal["a", "b", "c"]
-    """Phase of that sensor. With two sensors the third current is computed from the others."""
+    """Phase of the faulty sensor. With two sensors, the current of phase c is computed from those of a and
+    b."""
 
     @property
     def effect(self) -> str:
@@ -87,7 +88,7 @@ class BusFault(FaultBase):
     """The bus has another voltage, and the controller measures it."""
 
     kind: Literal["bus-voltage"]
-    """The bus has another voltage, and the controller measures it."""
+    """The bus has another voltage. The controller measures this voltage."""
     voltage: Voltage  # V
     """Bus voltage during the fault."""
 
@@ -105,7 +106,7 @@ class Event(Table):
     time: Time  # s
     """Time of the load step."""
     load: Torque  # N*m
-    """New target of the constant part of the load."""
+    """New value of the constant part of the load."""
 
     def is_at(self, time: float) -> bool:
         """Whether the event is at this time, s, apart from rounding in the conversion of units."""
@@ -119,13 +120,15 @@ class TorqueMode(Table):
     """
 
     time: Time  # s
-    """Beginning of [torque mode](/laws/torque-mode.md), in which the speed reference is not followed."""
+    """Beginning of [torque mode](/laws/torque-mode.md). In this mode the drive does not follow the speed
+    reference."""
     duration: Duration | None = None  # s
     """Duration of torque mode. Default: to the end of the run."""
     current: Current = 0.0  # A
-    """Q-axis current, to which what is learned adds."""
+    """Current in the q axis. What the law has learned is added to it."""
     profile: Many[tuple[Time, Current]] = ()  # s
-    """In place of `current`, points [time, current]; linear in between, the ends held."""
+    """Points [time, current] in place of `current`. Between two points the current is linear; before the
+    first and after the last it is constant."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -160,10 +163,10 @@ class Experiment(Table):
     """Keys that a scenario of a speed study and one of trials have in common."""
 
     duration: Duration  # s
-    """Simulated time. In a study of trials: duration of one trial, a whole number of samples from 4 to 65535.
-    """
+    """Simulated time. In a study of trials: duration of one trial, a whole number of 4 to 65535 samples."""
     faults: Many[Fault] = ()
-    """Faults of sensors and bus. In a study of trials their time counts from the start of the run."""
+    """Faults of sensors and bus. In a study of trials their time counts from the start of the run, not of a
+    trial."""
     controllers: Many[str] | None = None
     """Controllers that run in this scenario. Default: all."""
 
@@ -193,20 +196,20 @@ class Scenario(Experiment):
     ) | dict.fromkeys(("time", "length"), "duration")
 
     reference: Reference = Field(examples=['"60 rpm"'])
-    """The speed reference; a plain speed is short for `{ speed = ... }`."""
+    """Speed reference. A plain speed is short for `{ speed = ... }`."""
     initial_speed: AngularSpeed = 0.0  # rad/s
     """Initial speed of the rotor."""
     initial_angle: Angle = 0.0  # rad
     """Initial angle of the rotor."""
     load: Load | None = None
-    """Replaces `mechanics.load`."""
+    """Load of this scenario. It replaces `mechanics.load`."""
     events: Many[Event] = ()
-    """Load steps, in the order of time."""
+    """Load steps in the order of their times."""
     torque_mode: TorqueMode | None = None
-    """From a time on a current acts in place of the speed loop."""
+    """A current that replaces the speed loop from a given time on."""
     override: Override = Field(default={})
-    """Values of `motor`, `drive` or `mechanics` by dotted key, for this scenario only. The controllers are
-    not told: gains by a rule are those without the override."""
+    """Values of `motor`, `drive` or `mechanics` by dotted key, for this scenario only. The controllers do not
+    know them: rules compute gains without the override."""
 
     @field_validator("override")
     @classmethod

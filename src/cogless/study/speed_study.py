@@ -30,11 +30,11 @@ class Study(StudyBase):
     mechanics: Mechanics
     """Inertia, friction and load."""
     drive: Drive
-    """Inverter, sensors, rates, current loop."""
+    """Inverter, sensors, rates and current loop."""
     scenario: Annotated[dict[str, Scenario], Field(min_length=1)]
     """Experiments by name, `[scenario.NAME]`."""
     controller: Annotated[dict[str, Controller], Field(min_length=1)]
-    """Controllers by name; `[controller.NAME]`."""
+    """Controllers by name, `[controller.NAME]`."""
     _scenarios: dict[str, Study] = PrivateAttr(default={})  # scenario -> study with its overrides applied
 
     @property

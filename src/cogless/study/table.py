@@ -68,7 +68,7 @@ class Table(BaseModel):
     def other_word(cls, key: str, value: Any) -> str | None:
         """The expectation for an unknown key that another word replaces; None for other unknown keys."""
         word = cls.IN_PLACE.get(key.lower())
-        return f'expected "{word}" in its place' if word else None
+        return f'expected the key "{word}" instead' if word else None
 
     @model_validator(mode="wrap")
     @classmethod
@@ -81,7 +81,7 @@ class Table(BaseModel):
             return data
         data = cls.spelled_out(data)
         if not isinstance(data, dict):
-            raise invalid(f"expected a table of {', '.join(cls.model_fields)}")
+            raise invalid(f"expected a table with the keys {', '.join(cls.model_fields)}")
         if _field_names(cls) >= data.keys() and _required(cls) <= data.keys():
             return validate(data)
         wrong = _wrong_keys(cls, data)
@@ -142,7 +142,7 @@ def _sort(key: str, of: Any) -> str:
         return "an array"
     if isinstance(of, type) and issubclass(of, Table):
         needed = [name for name in of.model_fields if name in _required(of)]
-        return f"a table of {', '.join(needed)}, ..."
+        return f"a table with {', '.join(needed)}, ..."
     return {int: "a whole number", float: "a number", str: "a text"}.get(of, "a value")
 
 

@@ -31,10 +31,10 @@ def plant(study: TrialStudy) -> None:
     drive = {"motor": study.motor, "mechanics": study.mechanics, "drive": study.drive}
     for key, table in drive.items():
         if study.plant is not None and table is not None:
-            raise invalid("expected none, since there is a plant", key)
+            raise invalid("expected no such key, since there is a linear plant", key)
         if study.plant is None and table is None:
             raise invalid(
-                "expected a table, or a plant in place of motor, mechanics and drive", key, value="missing"
+                "expected this table, or plant in place of motor, mechanics and drive", key, value="missing"
             )
 
 
@@ -56,7 +56,9 @@ def corners(study: TrialStudy) -> None:
 def ranges(study: TrialStudy) -> None:
     """Refuse design.range for a linear plant, whose parameters' ranges belong in plant.parameter."""
     if study.plant is not None and study.design.range:
-        raise invalid("expected none: ranges stand at plant.parameter", "design", "range")
+        raise invalid(
+            "expected no such key: a linear plant has its ranges in plant.parameter", "design", "range"
+        )
 
 
 def samples(study: TrialStudy) -> None:
@@ -71,8 +73,8 @@ def samples(study: TrialStudy) -> None:
             raise invalid(expected, "scenario", name, "duration")
         rows = round(count) * scenario.trials * max(1.0, study.period * (study.trace.rate or 0.0))
         if rows > TRACE_ROWS_MOST:
-            expected = f"expected at most {TRACE_ROWS_MOST * scenario.trials / rows:.0f}, {rows:.3g} rows"
-            raise invalid(f"{expected} of the trace are too many", "scenario", name, "trials")
+            expected = f"expected at most {TRACE_ROWS_MOST * scenario.trials / rows:.0f}: {rows:.3g} rows"
+            raise invalid(f"{expected} are too many for the trace", "scenario", name, "trials")
         for controller in study.controllers_in(name):
             if study.controller[controller].BY_MATRIX and round(count) > LARGEST_MATRIX:
                 expected = (
@@ -89,7 +91,9 @@ def trace_rate(study: TrialStudy) -> None:
     if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
         raise invalid(f"expected a rate that divides {ticks:g} Hz", "trace", "rate")
     if rate is not None and not math.isclose(rate * study.period, round(rate * study.period), rel_tol=1e-9):
-        expected = f"expected {1 / study.period:g} Hz or a multiple of it, rows for each sample of the trial"
+        expected = (
+            f"expected {1 / study.period:g} Hz or a multiple of it, so that each sample of a trial has a row"
+        )
         raise invalid(expected, "trace", "rate")
 
 
@@ -103,20 +107,22 @@ def conditions(study: TrialStudy) -> None:
         for phase, where in places:
             for key in ("load", "initial_angle", "initial_speed") if linear else ("initial_state",):
                 if getattr(phase, key) is not None:
-                    raise invalid(f"expected none, of a {'linear plant' if linear else 'drive'}", *where, key)
+                    raise invalid(
+                        f"expected no such key for a {'linear plant' if linear else 'drive'}", *where, key
+                    )
             if phase.initial_state is not None and len(phase.initial_state) != study.states:
-                raise invalid(f"expected {study.states} numbers, one a state", *where, "initial_state")
+                raise invalid(f"expected {study.states} numbers, one for each state", *where, "initial_state")
             for form in ("normal", "uniform") if phase.each_trial is not None else ():
                 _deviations(study, getattr(phase.each_trial, form), (*where, "each_trial", form))
             for index, (sample, amount) in enumerate(phase.load_steps or ()):
                 if sample >= count:
-                    expected = f"expected a sample of the trial, below {count}"
+                    expected = f"expected a sample below {count}, within the trial"
                     raise invalid(expected, *where, "load_steps", index)
                 if isinstance(amount, WithUnit) == linear:
                     raise invalid(f"expected {LOADS[linear]}", *where, "load_steps", index)
             for index, (time, position) in enumerate(phase.reference.points if phase.reference else ()):
                 if time > scenario.duration:
-                    expected = f"expected a time within the trial, {scenario.duration:g} s"
+                    expected = f"expected a time within the {scenario.duration:g} s of the trial"
                     raise invalid(expected, *where, "reference", index)
                 if isinstance(position, WithUnit) == linear:
                     raise invalid(f"expected {POSITIONS[linear]}", *where, "reference", index)
@@ -131,9 +137,9 @@ def _deviations(study: TrialStudy, deviations: Deviations, where: tuple[str | in
     linear = study.plant is not None
     for key in ("initial_angle", "initial_speed") if linear else ("initial_state",):
         if getattr(deviations, key) is not None:
-            raise invalid(f"expected none, of a {'linear plant' if linear else 'drive'}", *where, key)
+            raise invalid(f"expected no such key for a {'linear plant' if linear else 'drive'}", *where, key)
     if deviations.initial_state is not None and len(deviations.initial_state) != study.states:
-        raise invalid(f"expected {study.states} numbers, one a state", *where, "initial_state")
+        raise invalid(f"expected {study.states} numbers, one for each state", *where, "initial_state")
     if deviations.load is not None and isinstance(deviations.load, WithUnit) == linear:
         expected = "a number in the unit of u" if linear else 'a torque with a unit, such as "0.1 N*m"'
         raise invalid(f"expected {expected}", *where, "load")
@@ -154,13 +160,13 @@ def _start(study: TrialStudy, scenario: str, phase: TrialConditions, where: tupl
         begins = f"from where the reference begins, {begin:.4g} rad"
         away = 0.0 if phase.initial_angle is None else abs(phase.initial_angle - begin)
         if away >= math.pi:
-            expected = f"expected less than half a turn {begins}"
-            raise invalid(f"{expected}: the sensor doesn't tell turns", *where, "initial_angle")
+            expected = f"expected an angle less than half a turn {begins}"
+            raise invalid(f"{expected}: the sensor doesn't count turns", *where, "initial_angle")
         if phase.each_trial is not None and away + phase.each_trial.most("initial_angle") >= math.pi:
             form, _ = phase.each_trial.form_of("initial_angle")
-            expected = f"expected starts less than half a turn {begins}"
+            expected = f"expected deviations that keep the start less than half a turn {begins}"
             key = (*where, "each_trial", form, "initial_angle")
-            raise invalid(f"{expected}: the sensor doesn't tell turns", *key)
+            raise invalid(f"{expected}: the sensor doesn't count turns", *key)
 
 
 def _override(study: TrialStudy, key: str, value: object, where: tuple[str | int, ...]) -> None:
@@ -170,9 +176,7 @@ def _override(study: TrialStudy, key: str, value: object, where: tuple[str | int
     elif study.plant.vertex:
         count = len(study.plant.vertex)
         if key != "vertex" or isinstance(value, bool) or value not in range(1, count + 1):
-            raise invalid(
-                f"expected vertex = a number of 1 to {count}; without vertex the mean of all", *where
-            )
+            raise invalid(f"expected vertex = 1 to {count}, or no vertex for the mean of all", *where)
     elif key not in study.plant.parameter:
         raise invalid(
             f"expected a parameter of the plant: {', '.join(study.plant.parameter) or 'none'}", *where
@@ -186,7 +190,9 @@ def controllers(study: TrialStudy) -> None:
     n = study.states
     if len(study.design.state_weight) not in (n, n + 1):
         raise invalid(
-            f"expected {n + 1} numbers: one a state, and the integrator's", "design", "state_weight"
+            f"expected {n + 1} numbers: one for each state, and one for the integrator",
+            "design",
+            "state_weight",
         )
     for name, controller in study.controller.items():
         if controller.of_trials:
@@ -195,7 +201,10 @@ def controllers(study: TrialStudy) -> None:
             expected = "expected a law of trials, since a law of your own needs a drive"
             raise invalid(expected, "controller", name, "law")
         elif controller.begins_with is not None:
-            expected = "expected none: what is learned from trial to trial belongs to their reference"
+            expected = (
+                "expected no such key: what is learned from trial to trial fits only the reference of these "
+                "trials"
+            )
             raise invalid(expected, "controller", name, "start")
 
 
@@ -217,7 +226,7 @@ def no_accelerometer(study: TrialStudy) -> None:
     """Refuse an accelerometer: only runs of speed studies have its logs."""
     belt = None if study.mechanics is None else study.mechanics.belt
     if belt is not None and belt.accelerometer is not None:
-        raise invalid("expected none, in a study of trials", "mechanics", "belt", "accelerometer")
+        raise invalid("expected no such key in a study of trials", "mechanics", "belt", "accelerometer")
 
 
 Check = Callable[["TrialStudy"], None]

@@ -66,8 +66,8 @@ class PositionReference(Table):
     """Smooth moves from point to point: polynomials of fifth degree, at rest at both ends."""
 
     points: Many[tuple[Time, Position]]  # s
-    """`[time, position]`. The reference is at rest at each point and follows a polynomial of the fifth degree
-    between two. A plain array of points is short for this table."""
+    """Points `[time, position]`. The reference is at rest at each point. Between two points it follows a
+    polynomial of the fifth degree. A plain array of points is short for this table."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -98,27 +98,27 @@ class Deviations(Table):
     """How far start and load of a trial are from those of its phase."""
 
     initial_angle: AngleMagnitude | None = None  # rad
-    """For a drive, deviation of the angle at the start."""
+    """Deviation of the initial angle of a drive."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
-    """For a drive, deviation of the speed at the start."""
+    """Deviation of the initial speed of a drive."""
     initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """For a linear plant, deviation of the state at the start, one number a state."""
+    """Deviation of the initial state of a linear plant, one number for each state."""
     load: LoadMagnitude | None = None
-    """Deviation of the load, constant throughout a trial and added to its load steps."""
+    """Deviation of the load. It is constant throughout a trial and adds to the load steps."""
 
 
 class EachTrial(Table):
     """Deviations that are drawn anew in each trial, around zero."""
 
     normal: Deviations = Deviations()
-    """Normally distributed deviations, by their standard deviation."""
+    """Standard deviations of normally distributed deviations."""
     uniform: Deviations = Deviations()
-    """Evenly distributed deviations, by the largest one."""
+    """Largest magnitudes of evenly distributed deviations."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
         for key in self.uniform.model_fields_set & self.normal.model_fields_set:
-            raise invalid("expected none, since normal has it", "uniform", key)
+            raise invalid("expected no such key, since normal has it, too", "uniform", key)
         return self
 
     def form_of(self, key: str) -> tuple[str, Any]:
@@ -147,27 +147,27 @@ class TrialConditions(Table):
     """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
 
     reference: PositionReference | None = None
-    """New reference; a key that is left out stays as it was."""
+    """New reference. A key that is left out keeps its value."""
     load: Load | None = None
-    """For a drive: load in place of `mechanics.load`."""
+    """Load of a drive. It replaces `mechanics.load`."""
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
-    """`[sample, amount]`: load from that sample of each trial on. For a drive a torque against positive
-    rotation, for a linear plant $d$ in the unit of $u$. `[]` for none."""
+    """Load steps `[sample, amount]`: the load from this sample of each trial on. For a drive the amount is a
+    torque against positive rotation, for a linear plant it is $d$ in the unit of $u$. `[]`: no load steps."""
     initial_angle: Angle | None = None  # rad
-    """For a drive: angle at the start of each trial. Default: where the reference begins."""
+    """Angle of a drive at the start of each trial. Default: where the reference begins."""
     initial_speed: AngularSpeed | None = None  # rad/s
-    """For a drive: speed at the start of each trial. Default: 0."""
+    """Speed of a drive at the start of each trial. Default: 0."""
     initial_state: Many[float] | None = None
-    """For a linear plant: state at the start of each trial. Default: zeros."""
+    """State of a linear plant at the start of each trial. Default: zeros."""
     each_trial: EachTrial | None = None
     """How start and load [differ from trial to trial](/guide/trial-studies.md#starts-and-loads-at-random).
     Default: not at all."""
     override: Override | None = None
     """For a drive: values of `motor` and `mechanics` by dotted key. For a linear plant: values of parameters,
-    or `{ vertex = 2 }`. The controllers are not told. The certificate does not cover values outside the
-    ranges."""
+    or `{ vertex = 2 }`. The controllers do not know these values. The certificate does not cover values
+    outside the ranges."""
 
     @field_validator("override")
     @classmethod
@@ -187,7 +187,7 @@ class Change(TrialConditions):
     """New conditions from trial number `trial` on."""
 
     trial: Annotated[int, Field(ge=2)]
-    """First trial with the change, counted from 1. Keys that are left out stay as they were."""
+    """First trial with the change, counted from 1. A key that is left out keeps its value."""
 
 
 class TrialScenario(TrialConditions, Experiment):
@@ -196,9 +196,9 @@ class TrialScenario(TrialConditions, Experiment):
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
     """Number of trials."""
     reference: PositionReference
-    """The motion."""
+    """The motion of each trial."""
     changes: Many[Change] = ()
-    """Changes of the scenario from some trial on."""
+    """Changes of the scenario, each from one trial on."""
 
     @model_validator(mode="after")
     def _changes(self) -> Self:
@@ -261,19 +261,19 @@ class TrialStudy(StudyBase):
     signal_kinds: ClassVar[frozenset[str]] = frozenset({"trials"})
 
     plant: LinearPlant | None = None
-    """A linear plant, in place of the next three tables."""
+    """A linear plant. It replaces `motor`, `mechanics` and `drive`."""
     motor: Motor | None = None
     """The motor."""
     mechanics: Mechanics | None = None
     """Inertia, friction and load."""
     drive: Drive | None = None
-    """Inverter, sensors, rates, current loop."""
+    """Inverter, sensors, rates and current loop."""
     design: DesignSettings
-    """Weights and ranges of the designs."""
+    """Weights and parameter ranges for the design of the laws."""
     scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
-    """Experiments by name; `[scenario.NAME]`."""
+    """Experiments by name, `[scenario.NAME]`."""
     controller: Annotated[dict[str, TrialController], Field(min_length=1)]
-    """Controllers by name; `[controller.NAME]`."""
+    """Controllers by name, `[controller.NAME]`."""
     # a drive's hardware in each phase, by scenario
     _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
 

@@ -105,7 +105,7 @@ def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str,
         "law_values": initialiser(layout.headers, law.config, config | own, "d"),
         "matrix": matrix_array(name, None if matrix is None else np.asarray(matrix), "d"),
         "verdict_comment": verdict_comment(verdict),
-        "verdict_row": f"| what `cogless design` says of it | {verdict} |\n" if verdict else "",
+        "verdict_row": f"| verdict of `cogless design` | {verdict} |\n" if verdict else "",
         "figures": figure_lines(numbers),
     }
 

@@ -246,7 +246,7 @@ def _template_words(subject: Subject) -> dict[str, str]:
         "memory_member": f"    cgl_real memory[{length}]; /* what is learned */\n" if entries else "",
         "memory_text": f"{s.memory_length} numbers, within `{name}_controller`" if entries else "none",
         "matrix": matrix_array(name, s.learning_matrix, s.precision),
-        "verdict_row": f"| what `cogless design` says of it | {s.verdict} |\n" if s.verdict else "",
+        "verdict_row": f"| verdict of `cogless design` | {s.verdict} |\n" if s.verdict else "",
         "verdict_comment": verdict_comment(s.verdict),
         "figures": figure_lines(s.figures),
         **board(s),

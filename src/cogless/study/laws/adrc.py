@@ -17,13 +17,13 @@ class Adrc(Base):
     law: Literal["adrc"]
     """Active disturbance rejection."""
     b: CurrentToAcceleration  # rad/s^2/A
-    """Acceleration per current that the controller assumes, $K_t / J$."""
+    """Acceleration per current, $K_t / J$, that the controller assumes."""
     omega_c: RateGain  # 1/s
-    """Bandwidth of the loop."""
+    """Bandwidth of the closed loop."""
     omega_o: Annotated[float, Quantity(units.RATE, ">", bare=True)]  # 1/s
-    """Bandwidth of the observer, less than twice the speed loop's rate."""
+    """Bandwidth of the observer. It must be less than twice the speed loop's rate."""
     tuning: AutoTuning | None = None
-    """The rule `auto` in place of the numbers."""
+    """The rule `auto`, which gives the numbers that this table leaves out."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
 

@@ -11,8 +11,8 @@ from cogless.study.laws.law import MAP_CELLS_MOST, Commissioning, Feedback, LawL
 from cogless.study.table import StartTime, invalid
 
 NOT_FILLED = (
-    'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" }, which '
-    "gives one, or a start"
+    'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" } '
+    "or a start"
 )
 
 
@@ -25,12 +25,12 @@ class AntiCogging(Feedback, Startable):
     law: Literal["anti-cogging"]
     """PI and an anti-cogging table."""
     cells: Annotated[int, Field(ge=4, le=MAP_CELLS_MOST)] = 720
-    """Entries of the table over a mechanical revolution."""
+    """Number of the table's entries over a mechanical revolution."""
     lead: StartTime = 0.0  # s
-    """The table is looked up at the angle that the rotor will have after this time. This compensates the
-    current loop's lag."""
+    """Time by which the table is looked up ahead: at the angle that the rotor will have by then. This
+    compensates the current loop's lag."""
     calibration: Commissioning | None = None
-    """The run that fills the table; give this or `start`."""
+    """Slow run that fills the table. Give this or `start`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         "cells": 720,

@@ -55,15 +55,15 @@ class Harmonic(Feedback, LearnsWhileRunning):
     law: Literal["harmonic"]
     """PI with learned harmonics of the motor."""
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
-    """Lowest learned order of a mechanical revolution; the others are its multiples. Default: the common
-    divisor of `slots` and poles, or the multiple of it that [reaches the main
+    """Lowest learned order of a mechanical revolution. The other learned orders are its multiples. Default:
+    the common divisor of `slots` and poles, or the multiple of this divisor that [reaches the main
     order](/laws/harmonic.md#the-rule). With a given base all orders act up to 2.6 rad a sample."""
     limit: CurrentBound | None = None  # A
-    """Most that each amplitude, and their sum, may be; default `current_limit`."""
+    """Largest value of each amplitude and of their sum. Default: `current_limit`."""
     position: bool = False
-    """Whether it controls the position."""
+    """True: the law controls the position. False: the speed."""
     k_theta: RateGain | None = None  # 1/s
-    """Gain of the angle; only if `position` is true and `kp` and `ki` are given."""
+    """Gain of the angle error. Give it only if `position` is true and `kp` and `ki` are given."""
 
     @model_validator(mode="after")
     def _of_position(self) -> Self:
@@ -73,7 +73,7 @@ class Harmonic(Feedback, LearnsWhileRunning):
                 "expected a gain, since kp and ki are given and position is true", "k_theta", value="missing"
             )
         if self.k_theta is not None and not by_hand:
-            raise invalid("expected none, unless position is true and kp and ki are given", "k_theta")
+            raise invalid("expected no such key, unless position is true and kp and ki are given", "k_theta")
         return self
 
     learns_every_order: ClassVar[bool] = True

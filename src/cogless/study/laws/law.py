@@ -61,13 +61,13 @@ class Start(Table):
     """[A stored map](/guide/stored-maps.md#start-a-run-from-a-map), relative to the study. Give this or
     `table`."""
     table: StartFile | None = None
-    """CSV of angle and current or torque, relative to the study, [with units in its
+    """CSV of a current or torque over the angle, relative to the study, [with units in its
     heading](/guide/stored-maps.md#a-foreign-table)."""
     frame: Literal["mechanical", "electrical"] = "mechanical"
-    """The revolution that the table's angle is of."""
+    """Revolution in which the table's angle counts."""
     sign: Literal["holding", "cogging"] | None = None
-    """Required for a table. `"holding"`: the current or torque that holds the rotor against the motor's own
-    torque. `"cogging"`: the motor's own torque."""
+    """Meaning of the table, which must be given. `"holding"`: current or torque that holds the rotor against
+    the motor's own torque. `"cogging"`: the motor's own torque."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -76,12 +76,13 @@ class Start(Table):
             raise invalid('expected either map = "FILE.bin" or table = "FILE.csv"')
         if self.table is not None and self.sign is None:
             meaning = (
-                '"holding" if it holds the rotor against the motor\'s own torque, "cogging" if it is that'
+                '"holding" for values that hold the rotor against the motor\'s own torque, "cogging" for '
+                "that torque itself"
             )
             raise invalid(f"expected {meaning}", "sign", value="missing")
         for key in ("frame", "sign"):
             if self.map is not None and key in self.model_fields_set:
-                raise invalid("expected none, since a stored map tells it", key)
+                raise invalid("expected no such key, since a stored map contains it", key)
         return self
 
     @model_validator(mode="after")
@@ -105,10 +106,11 @@ class Tuning(Table):
     """
 
     rule: Literal["phase-margin", "auto"]
-    """`phase-margin`, see [](/laws/pi.md), or `auto`, which gives all of a law's numbers that its table
-    lacks: [](/laws/auto.md)."""
+    """`phase-margin` gives the gains of the feedback: [](/laws/pi.md). `auto` gives all numbers of the law
+    that its table leaves out: [](/laws/auto.md)."""
     phase_margin: PhaseMargin = math.radians(45)  # rad
-    """Phase margin of the feedback, 20 to 80 deg (0.3 to 1.45 rad). Default with `auto`: 45 deg."""
+    """Phase margin of the feedback, from 20 to 80 deg (0.3 to 1.45 rad). `auto` takes 45 deg if this key is
+    left out."""
 
     @property
     def is_auto(self) -> bool:
@@ -129,7 +131,7 @@ class Tuning(Table):
     @model_validator(mode="after")
     def _check_tuning(self) -> Self:
         if not self.is_auto and "phase_margin" not in self.model_fields_set:
-            raise invalid('expected one, such as "60 deg"', "phase_margin", value="missing")
+            raise invalid('expected a phase margin, such as "60 deg"', "phase_margin", value="missing")
         return self
 
 
@@ -193,9 +195,9 @@ class Commissioning(Table):
     speed: LawSpeed  # rad/s
     """Speed of the run."""
     revolutions: Annotated[int, Field(ge=1, le=100)] = 1
-    """Recorded revolutions in each direction."""
+    """Revolutions that are recorded in each direction."""
     position_gain: RateGain  # 1/s
-    """Gain that holds the rotor to the angle of the run's reference."""
+    """Gain that holds the rotor at the angle of the run's reference."""
 
     @property
     def duration(self) -> float:
@@ -214,7 +216,8 @@ class Base(Table):
     label: Line | None = None
     """Name in tables and report. Default: its name in the study."""
     baseline: bool = False
-    """True: ratios in tables and report are relative to this controller; one at most. Default: the first."""
+    """True: tables and report show ratios to this controller. Only one controller may be the baseline.
+    Default: the first one."""
 
     if TYPE_CHECKING:
         law: str  # name of the law; each law declares this as its first own key
@@ -228,7 +231,7 @@ class Base(Table):
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ()  # keys that a rule gives, for a law without a single gain
     BY_MATRIX: ClassVar[bool] = False  # whether it learns from trials by a matrix of all pairs of samples
     # text after "expected" in the error for a law that has no map to start from
-    NEEDS: ClassVar[str] = "none, since the memory is over time"
+    NEEDS: ClassVar[str] = "no start, since the memory is over time"
     NO_C_FORM: ClassVar[str] = ""  # why the law can't be exported as C; "": it can
     NO_DRIVE: ClassVar[bool] = False  # whether the exported C has no drive around the law
     NOT_ON_PAGE: ClassVar[str] = ""  # why a live page can't run the law; "": it can
@@ -449,11 +452,11 @@ class Feedback(Base):
     """A speed PI controller: kp and ki, or the rule that computes them."""
 
     kp: SpeedGain | None = None  # A*s/rad
-    """Proportional gain; give it with `ki`, or give `tuning`."""
+    """Proportional gain. Give it with `ki`, or give `tuning`."""
     ki: SpeedIntegralGain | None = None  # A/rad
     """Integral gain."""
     tuning: Tuning | None = None
-    """Rule that gives `kp` and `ki`. The learning part of `harmonic` has its own rule in any case."""
+    """Rule that gives `kp` and `ki`. The learning part of `harmonic` always has its own rule."""
 
     @property
     def has_pi(self) -> bool:
@@ -493,15 +496,16 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
     if not line and cells > MAP_CELLS_MOST:
         raise invalid(f"expected at most {MAP_CELLS_MOST}, since the memory is a map", "cells")
     if 2 * q_half_width + 2 > cells:
-        raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
+        raise invalid(f"expected a filter that fits into the {cells} cells of the memory", "q_half_width")
 
 
 class Startable(Base):
     """A law whose map over the angle can be one that was learned before."""
 
     start: Start | None = None
-    """What the map holds at the start of a run. Default: nothing. A class of your own then has `learned_map`
-    and `load_map`; a library has `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
+    """Map that the law has at the start of a run. Default: an empty map. With this key, a class of your own
+    needs the methods `learned_map` and `load_map`, a library the functions `cogless_plugin_learned_map` and
+    `cogless_plugin_load_map`."""
 
     @property
     def begins_with(self) -> Start | None:
@@ -548,19 +552,19 @@ class Learning(LearnsWhileRunning):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
-    """Indexed by time or by angle, see [](/laws/memory.md)."""
+    """What indexes the memory: time or angle, see [](/laws/memory.md)."""
     period: Literal["electrical", "mechanical"] = "mechanical"
-    """The period of the ripple: an electrical or a mechanical revolution."""
+    """Period of the ripple: an electrical or a mechanical revolution."""
     cells: Cells = 1024
-    """By angle: entries of the map over a period, at most 65535. By time: the longest period, in speed-loop
-    samples."""
+    """Over the angle: entries of the map in a period, at most 65535. Over time: the longest period, in
+    speed-loop samples."""
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of the memory that is kept in each period; 1 keeps all."""
+    """Share of the memory that is kept from period to period. 1: all of it."""
     q_half_width: Annotated[int, Field(ge=0)] = 0
-    """Entries on each side of the Q filter's mean; 0 for no filter."""
+    """Entries on each side over which the Q filter averages. 0: no filter."""
     lead: StartTime = 0.0  # s
-    """The present error corrects the entry that acted this long ago. Rounded to speed-loop samples, at most
-    `cells`/4 of them."""
+    """Time back to the entry that the present error corrects, the entry that acted then. It is rounded to
+    speed-loop samples, at most `cells`/4 of them."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of the learned part. Default: `current_limit`."""
 
@@ -611,11 +615,11 @@ class Learning(LearnsWhileRunning):
             return
         longest = max(samples)
         if self.memory == "time" and min(samples) > self.cells:
-            expected = f"expected {math.ceil(min(samples))} or more, the samples of a period"
+            expected = f"expected {math.ceil(min(samples))} or more, the number of samples in a period"
             raise invalid(expected, "controller", name, "cells", value=self.cells)
         if longest < FEWEST_SAMPLES:
             expected = (
-                f"expected a longer one: it has {longest:.3g} samples, at least {FEWEST_SAMPLES} are needed"
+                f"expected a longer period: this one has {longest:.3g} samples, but needs {FEWEST_SAMPLES}"
             )
             raise invalid(expected, "controller", name, "period", value=self.period)
         quarter = longest / FEWEST_SAMPLES / rate

@@ -27,7 +27,7 @@ class Wave(Table):
     """A part of a correction: magnitude sin(order u + phase), u the electrical angle of the reference."""
 
     order: Annotated[int, Field(ge=1, le=1000)]
-    """Waves in an electrical revolution."""
+    """Number of waves in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
     """Amplitude, as an electrical angle."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
@@ -61,10 +61,12 @@ class AngleCorrection(Table):
     """Waves at negative speed, at most 8."""
 
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)] | None = None  # A rms
-    """Current of each coil, rms, that the correction is for. A law with another `current` gets a warning."""
+    """Current of each coil, rms, at which the correction is right. A law with another `current` gets a
+    warning."""
 
     file: File | None = None
-    """The `correction.json` that `cogless identify` wrote for a printer, in place of these three."""
+    """File `correction.json` that `cogless identify` wrote for a printer. It replaces the other three
+    keys."""
 
     @model_validator(mode="after")
     def _rises(self, info: ValidationInfo) -> AngleCorrection:
@@ -72,9 +74,9 @@ class AngleCorrection(Table):
             self._check("")
             return self
         if self.forward or self.backward:
-            raise invalid("expected none, since forward or backward is given", "file")
+            raise invalid("expected no such key, since forward or backward is given", "file")
         if self.current is not None:
-            raise invalid("expected none, since the file has its own", "current", value=self.current)
+            raise invalid("expected no such key, since the file contains it", "current", value=self.current)
         if not info.context:
             return self
         correction = self.model_copy(update=_tables_of_file(info.context["folder"] / self.file))
@@ -89,7 +91,7 @@ class AngleCorrection(Table):
         for direction in CORRECTED_DIRECTIONS:
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
-                expected = f"expected order times magnitude below 1 rad together, not {slope:.3g} rad"
+                expected = f"expected a sum of all order * magnitude below 1 rad, not {slope:.3g} rad"
                 raise invalid(expected, key or direction)
 
 
@@ -123,11 +125,13 @@ class Microstepping(Base):
     law: Literal["microstepping"]
     """Microstepping, see [](/laws/microstepping.md)."""
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)]  # A rms
-    """Current of each coil, rms, as a driver's `run_current`. Its amplitude is $\\sqrt2$ times as large."""
+    r"""Current of each coil, rms, like `run_current` of a driver. The current's amplitude is $\sqrt2$ times
+    as large."""
     microsteps: Annotated[int, Field(ge=1, le=MICROSTEPS_MOST)] = 256
     """Microsteps in a full step, a power of two up to 1024."""
     correction: AngleCorrection | None = None
-    """Added to the commanded angle, as `cogless identify --drive klipper` finds it. Default: none."""
+    """Waves that are added to the commanded angle, as `cogless identify --drive klipper` identifies them.
+    Default: none."""
 
     @field_validator("microsteps")
     @classmethod
@@ -169,7 +173,8 @@ class Microstepping(Base):
         unlike = {
             "a motor of kind step": study.motor.phases != 2,
             "a current loop that is not ideal": drive.ideal,
-            "drive.rates.speed_loop like current_loop": rates.divider != 1 or rates.position_loop is not None,
+            "drive.rates.speed_loop equal to current_loop": rates.divider != 1
+            or rates.position_loop is not None,
             "an ideal position sensor, which only stands for the driver's coils": (
                 not isinstance(drive.position_sensor, IdealSensor)
             ),
@@ -185,7 +190,7 @@ class Microstepping(Base):
                 raise invalid(f"expected {expected}", *where, value=self.law)
         if self.amplitude > drive.current_loop.current_limit * (1 + 1e-9):
             expected = f"expected at most {drive.current_loop.current_limit / math.sqrt(2):.6g} A rms"
-            raise invalid(f"{expected}, by drive.current_loop.current_limit", *where[:2], "current")
+            raise invalid(f"{expected}, the limit by drive.current_loop.current_limit", *where[:2], "current")
 
 
 def _waves(waves: Sequence[Wave]) -> list[dict[str, float]]:

@@ -16,14 +16,14 @@ from cogless.study.table import File, FileName, Many, StartTime, invalid
 class OwnLaw(Startable):
     """The keys of every controller that a user has written himself."""
 
-    NOT_ON_PAGE: ClassVar[str] = "its law is code of its own, which the page doesn't run"
+    NOT_ON_PAGE: ClassVar[str] = "its law is your own code, which the page doesn't run"
 
     learning: bool = False
-    """True: the law learns, so reports count it among the learning laws."""
+    """True: the law learns. Reports then count it among the learning laws."""
     learning_start: StartTime = 0.0  # s
-    """Until then `inputs.learn` is false."""
+    """Time at which `inputs.learn` becomes true."""
     position: bool = False
-    """True: the law holds the angle of the reference, so its error is recorded."""
+    """True: the law controls the position. Its angle error is then recorded."""
 
     @property
     def learns(self) -> bool:
@@ -57,9 +57,9 @@ class PythonLaw(OwnLaw):
     """A class of your own, see [](/guide/own-controller.md)."""
     # "file.py:Class", relative to the study
     object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
-    """File, relative to the study, and class."""
+    """Python file, relative to the study, and the class in it."""
     params: dict[str, Any] = Field(default={})
-    """Keyword arguments of the class; a number with a unit arrives in SI."""
+    """Keyword arguments of the class. A number with a unit is converted to SI."""
 
     @property
     def code(self) -> str:
@@ -85,9 +85,9 @@ class LibraryLaw(OwnLaw):
     law: Literal["library"]
     """A shared library of your own, see [](/guide/own-controller.md)."""
     library: File
-    """File, relative to the study."""
+    """File of the library, relative to the study."""
     params: Many[float | str] = ()
-    """Numbers, with units or without, that are passed to its init function."""
+    """Numbers, with or without units, that the library's init function gets."""
 
     @field_validator("params")
     @classmethod

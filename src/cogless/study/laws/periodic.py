@@ -23,7 +23,7 @@ class PiIlc(Feedback, Learning):
     law: Literal["pi-ilc"]
     """PI with P-type learning."""
     gain: SpeedGain  # A*s/rad
-    """Learning gain."""
+    """Gain with which the law learns from the speed error."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"gain": 0.0, **PERIODIC}
     LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("gain",)
@@ -46,7 +46,7 @@ class RobustIlc(Learning):
     law: Literal["robust-ilc"]
     """Robust ILC by adaptive sliding mode."""
     b: CurrentToAcceleration  # rad/s^2/A
-    """Acceleration per current that the controller assumes, $K_t / J$."""
+    """Acceleration per current, $K_t / J$, that the controller assumes."""
     c: RateGain  # 1/s
     """Slope of the sliding surface."""
     g: AccelerationGain  # rad/s^2
@@ -66,7 +66,7 @@ class RobustIlc(Learning):
     coulomb: AccelerationGain = 0.0  # rad/s^2
     """Coulomb part of the known friction."""
     tuning: AutoTuning | None = None
-    """The rule `auto` in place of the numbers."""
+    """The rule `auto`, which gives the numbers that this table leaves out."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),

@@ -22,14 +22,14 @@ class PiAfc(Feedback, LearnsWhileRunning):
     law: Literal["pi-afc"]
     """PI with adaptive feedforward cancellation."""
     orders: Many[int]  # mechanical
-    """Orders of the mechanical revolution to learn, in rising order."""
+    """Rising orders of the mechanical revolution that the law learns."""
     gain: SpeedIntegralGain  # A/rad
     """Learning gain."""
     lead: StartTime = 0.0  # s
-    """The present error corrects the coefficients at the angle of this long ago: the delay from current to
-    measured speed. Not rounded."""
+    """Delay from the current to the measured speed. The present error corrects the coefficients at the angle
+    of this long ago. It is not rounded to samples."""
     omega_min: LawSpeed = 0.01  # rad/s
-    """Below this speed learning pauses, and what was learned continues to act."""
+    """Speed below which learning pauses. What was learned still acts."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of each coefficient and of the learned part. Default: `current_limit`."""
 
@@ -68,7 +68,7 @@ class PiAfc(Feedback, LearnsWhileRunning):
         rising = all(a < b for a, b in pairwise((0, *self.orders, PI_AFC_ORDER_MAX + 1)))
         if not rising or not 1 <= len(self.orders) <= PI_AFC_ORDERS:
             raise invalid(
-                f"expected 1 to {PI_AFC_ORDERS} orders that rise, from 1 to {PI_AFC_ORDER_MAX}", "orders"
+                f"expected 1 to {PI_AFC_ORDERS} rising orders between 1 and {PI_AFC_ORDER_MAX}", "orders"
             )
         return self
 

@@ -46,11 +46,11 @@ class Period(Table):
     """The period of what is learned: turns / parts of an electrical or mechanical revolution."""
 
     of: Literal["electrical", "mechanical"] = "electrical"
-    """The kind of revolution, electrical or mechanical."""
+    """Kind of revolution: electrical or mechanical."""
     turns: Whole = 1
     """Number of revolutions."""
     parts: Whole = 1
-    """Divisor: the period is turns/parts revolutions."""
+    """Divisor: the period is `turns`/`parts` revolutions."""
 
     @property
     def description(self) -> str:
@@ -67,26 +67,26 @@ class SpaceLearning(LearnsWhileRunning):
     """The memory of a law that learns over the angle."""
 
     learning: bool = True
-    """False: the feedback alone."""
+    """False: only the feedback acts."""
     period: Period = Period()
     """The period of the ripple."""
     memory: Literal["map", "delay"] = "map"
-    """A map over the angle, or a delay line over time that is read the time $P_t$ back."""
+    """A map over the angle, or a delay line over time that is read $P_t$ earlier, one period back."""
     delay_method: Literal["ode", "inversion"] = "ode"
-    """How $P_t$ is found: by the paper's differential equation, or by inversion."""
+    """How $P_t$ is computed: by the paper's differential equation, or by inversion."""
     k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s
     """Gain in the differential equation for $P_t$."""
     cells: Cells = 1024
-    """Entries of the map, at most 65535; for the delay line, the samples of the longest period."""
+    """`map`: number of its entries, at most 65535. `delay`: samples of the longest period."""
     q_half_width: Annotated[int, Field(ge=0)] = 5
-    """Cells, or samples, on each side of the Q filter's mean; 0 for no filter, as printed."""
+    """Entries or samples on each side over which the Q filter averages. 0: no filter, as in the paper."""
     # learning gains of alpha, beta and h; rad in their units refers to the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
     r"""Learning gain of $\alpha$."""
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
-    r"""Learning gain of $\beta$, on speed; 0 leaves it out."""
+    r"""Learning gain of $\beta$, the part that grows with the speed. 0: no such part."""
     mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
-    """Learning gain of $h$, on acceleration; 0 leaves it out."""
+    """Learning gain of $h$, the part that grows with the acceleration. 0: no such part."""
     alpha_limit: CurrentBound | None = None  # A
     r"""Largest magnitude of the stored $\alpha$. Default: `current_limit`."""
     beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None  # A*s/rad
@@ -96,7 +96,7 @@ class SpaceLearning(LearnsWhileRunning):
     """Largest magnitude of the stored $h$. Default: the value that gives `current_limit` at the top
     acceleration."""
     omega_min: LawSpeed = 0.01  # rad/s
-    """Below this speed learning pauses, and what was learned continues to act."""
+    """Speed below which learning pauses. What was learned still acts."""
 
     @model_validator(mode="after")
     def _cells_fit(self) -> Self:
@@ -175,15 +175,17 @@ class SpaceLearning(LearnsWhileRunning):
         self._check_numbers(study, name)
         _check_angles(name, revolutions, self.ratio(pole_pairs))
         if self.by_rotor and (1 / revolutions).denominator != 1:
-            expected = "expected a period that fits into a revolution of the rotor, not"
-            raise invalid(f"{expected} {float(revolutions):.4g} of one", "controller", name, "period")
+            expected = "expected a whole number of periods in a revolution of the rotor, not a period of"
+            raise invalid(f"{expected} {float(revolutions):.4g} revolutions", "controller", name, "period")
         for key in study.scenarios_of(name) if self.learning else ():
             scenario = study.scenario[key]
             top, turn = scenario.top_reference, TURN * float(revolutions)
             if top > 0 and rate * turn / top < FEWEST_SAMPLES:
                 samples = rate * turn / top
-                expected = f"expected a longer one: at the top speed of scenario {key} it has {samples:.3g} "
-                needed = f"samples, at least {FEWEST_SAMPLES} are needed"
+                expected = (
+                    f"expected a longer period: at the top speed of scenario {key} it has {samples:.3g} "
+                )
+                needed = f"samples, but needs {FEWEST_SAMPLES}"
                 raise invalid(expected + needed, "controller", name, "period")
             if self.memory == "delay":
                 self._check_delay_line(name, key, scenario.speeds[0], rate * turn)
@@ -200,17 +202,20 @@ class SpaceLearning(LearnsWhileRunning):
     def _check_delay_line(self, name: str, scenario: str, slowest: float, reach: float) -> None:
         if slowest < self.omega_min:
             expected = (
-                f'expected "map": the reference of scenario {scenario} comes down to {slowest:.4g} rad/s, '
+                f'expected "map": the reference of scenario {scenario} slows down to {slowest:.4g} rad/s, '
             )
-            needed = f"and a delay line needs omega_min, {self.omega_min:g} rad/s, or more"
+            needed = f"but a delay line needs omega_min, {self.omega_min:g} rad/s, or more"
             raise invalid(expected + needed, "controller", name, "memory")
         samples = math.ceil(reach / slowest)
         if samples > LINE_SAMPLES_MOST:
             expected = f'expected "map": a period at the slowest speed of scenario {scenario} has {samples} '
-            needed = f"samples, and a delay line at most {LINE_SAMPLES_MOST}"
+            needed = f"samples, but a delay line holds at most {LINE_SAMPLES_MOST}"
             raise invalid(expected + needed, "controller", name, "memory")
         if samples > self.cells:
-            expected = f"expected {samples} or more, the samples of a period at the slowest speed of scenario"
+            expected = (
+                f"expected {samples} or more, the number of samples in a period at the slowest speed of "
+                "scenario"
+            )
             raise invalid(f"{expected} {scenario}", "controller", name, "cells", value=self.cells)
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:
@@ -241,7 +246,7 @@ def _check_angles(name: str, revolutions: Fraction, ratio: int) -> None:
     longest = int(ANGLE_MAX / (TURN * ratio))
     if revolutions.numerator > longest:
         raise invalid(
-            f"expected a whole number of periods in at most {longest} revolutions, not only in "
+            f"expected a whole number of periods in at most {longest} revolutions, not in "
             f"{revolutions.numerator}",
             "controller",
             name,
@@ -260,28 +265,27 @@ class SpacePosition(SpaceLearning):
     law: Literal["space-position"]
     """Position control that learns in angle."""
     frame: Literal["electrical", "mechanical"] = "electrical"
-    """Frame of the angles and speeds to which the gains apply: `electrical` multiplies mechanical ones by the
-    pole pairs."""
+    """Angles and speeds to which the gains apply. `electrical`: the mechanical ones times the pole pairs."""
     k_theta: RateGain | None = None  # 1/s
-    """Speed reference per angle error; give it with `k_omega`, or give `tuning`."""
+    """Speed reference per angle error. Give it with `k_omega`, or give `tuning`."""
     k_omega: SpeedGain | None = None  # A*s/rad
     """Current per speed error."""
     k_i: SpeedIntegralGain = 0.0  # A/rad
-    """Gain of the integral action; with `hand_over` it acts only until learning takes over."""
+    """Gain of the integral action. With `hand_over` the integral action fades out when learning starts."""
     tuning: Tuning | None = None
-    """A rule that gives `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
+    """Rule that gives `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
     k_v: SpeedIntegralGain = 0.0  # A/rad
     """Additional current per angle error."""
     v_0: SpeedGain = 0.0  # A*s/rad
-    """Robustifying gain, constant."""
+    """Constant part of the robustifying gain."""
     v_2: Annotated[float, Quantity(units.CUBIC_SPEED_GAIN, ">=", bare=True)] = 0.0  # A*s^3/rad^3
-    """Robustifying gain, per square of the speed."""
+    """Part of the robustifying gain that grows with the square of the speed."""
     hand_over: bool = True
-    """Integral action fades out as learning fades in."""
+    """True: the integral action fades out while learning fades in."""
     ramp: StartTime = 1.0  # s
-    """Time over which the learning gains rise and the hand-over takes place, from `learning_start` on."""
+    """Time from `learning_start` over which the learning gains rise and `hand_over` takes place."""
     index: Literal["reference", "rotor"] = "reference"
-    """The angle that indexes the memory, the reference's or the rotor's."""
+    """Angle that indexes the memory: that of the reference or that of the rotor."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"frame": "mechanical", "hand_over": False, **MECHANICAL}
 
@@ -323,9 +327,9 @@ class SpaceSpeed(SpaceLearning):
     k: SpeedGain  # A*s/rad
     """Current per speed error."""
     eta_bar: LawSpeed  # rad/s
-    """Learning pauses while the speed error is larger than this."""
+    """Speed error above which learning pauses."""
     tuning: AutoTuning | None = None
-    """The rule `auto` in place of the numbers."""
+    """The rule `auto`, which gives the numbers that this table leaves out."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"k": 0.0, "eta_bar": 1.0, **MECHANICAL}
 

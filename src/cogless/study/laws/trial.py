@@ -23,20 +23,20 @@ class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
-    """Frequency at which its gain is one half, since it runs forward and backward. Below half the sampling
-    rate."""
+    """Frequency at which the gain of both passes, forward and backward, is one half. It must be below half
+    the sampling rate."""
     order: Annotated[int, Field(ge=1, le=4)] = 2
-    """Order of the Butterworth filter that runs each way."""
+    """Order of the Butterworth filter that runs in each direction."""
     ends: Ends = "even"
-    """Reflection by which the filter continues the trial at both ends. The even one enlarges no signal. The
-    odd one, as of SciPy's filtfilt, multiplies noise near the ends."""
+    """How the filter continues the trial beyond both ends, by reflection. `even`: no signal is enlarged.
+    `odd`, as in SciPy's filtfilt: noise near the ends is multiplied."""
 
 
 class QFilter(SignalFilter):
     """The filter of a law that learns with a single gain."""
 
     acts_on: Literal["error", "signal"] = "error"
-    """What is filtered: the error before it is learned, or the whole learned signal."""
+    """Signal that is filtered: the error before the law learns from it, or the whole learned signal."""
 
 
 class StudyOfTrials(Protocol):
@@ -54,13 +54,14 @@ class TrialLaw(Base):
     """The keys that every law of trials has."""
 
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
-    r"""Largest $\lvert v \rvert$. With `state-ilc` and `observer-ilc` $v$ is in the unit of the input."""
+    """Largest magnitude of the learned signal $v$. With `state-ilc` and `observer-ilc` $v$ is in the unit of
+    the input."""
     basis_functions: bool = False
     """True: what was learned [moves along with a changed
     reference](/guide/trial-studies.md#a-motion-that-changes)."""
     guard: bool = True
-    """False switches [the guard](/laws/trial.md#the-guard) off, which takes back what leaves more error than
-    the feedback alone."""
+    """False: switches off [the guard](/laws/trial.md#the-guard), which takes back learning that leaves more
+    error than the feedback alone."""
 
     of_trials: ClassVar[bool] = True
     # design settings that the law has under another name: setting -> key of the law
@@ -90,12 +91,13 @@ class FilteredLaw(TrialLaw):
     SHIFTS_ON_PAGE: ClassVar[bool] = False  # whether a live page has a slider for `shift`
 
     q_filter: QFilter | Literal["auto", "none"] | None = None
-    """Filter applied between trials, `"auto"` for [the design's
+    """Filter that acts between trials, `"auto"` for [the design's
     choice](/theory/trial-design.md#shift-and-filter-together), or `"none"`. Default of `trial-ilc`: `"auto"`,
-    but none if `shift` is a number or `K_3` is given. Default of `state-ilc`: none."""
+    but no filter if `shift` is a number or `K_3` is given. Default of `state-ilc`: no filter."""
     shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
-    """Sample $p$ of $v$ learns from the error at $p$ + `shift`. Default: `"auto"` with a filter that is
-    `"auto"`, else the relative degree. A larger shift suits a loop that lags."""
+    """Samples from the learned signal to the error from which it learns: sample $p$ of $v$ learns from the
+    error at $p$ + `shift`. Default: `"auto"` if the filter is `"auto"`, else the relative degree. A loop with
+    more lag needs a larger shift."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -123,7 +125,7 @@ class TrialIlc(FilteredLaw):
     law: Literal["trial-ilc"]
     """State feedback with integral action, feedforward, learning."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where the learned $v$ is added. With `"input"` the integrator [works against what is
+    """Where the learned signal $v$ is added. With `"input"` the integrator [works against what is
     learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
     """False switches the integrator off."""
@@ -132,11 +134,12 @@ class TrialIlc(FilteredLaw):
     feedforward: bool = True
     """False switches the dynamic feedforward off."""
     K_s: Many[float] | None = None
-    """Given gains of the states and the integrator. They are certified, not designed."""
+    """Gains of the states and the integrator. Given gains are certified, but not designed."""
     N: float | None = None
-    """Given static feedforward."""
+    """Gain of the static feedforward. Default: by the design."""
     K_3: float | None = None
-    """Given learning gain. It changes neither a shift nor a filter that is `"auto"`."""
+    """Learning gain. Default: by the design. A given gain does not change a shift or a filter that is
+    `"auto"`."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -171,9 +174,9 @@ class StateIlc(FilteredLaw):
     law: Literal["state-ilc"]
     """The older law (3) of Mandra 2019."""
     K_stab: Many[float] | None = None
-    """Given state feedback."""
+    """Gains of the state feedback. Default: by the design."""
     K_ilc: float | None = None
-    """Given learning gain."""
+    """Learning gain. Default: by the design."""
 
     @property
     def design_settings(self) -> dict[str, Any]:
@@ -184,7 +187,7 @@ class StateIlc(FilteredLaw):
     def check_trials(self, study: StudyOfTrials, name: str) -> None:
         n = study.states
         if self.K_stab is not None and len(self.K_stab) != n:
-            raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")
+            raise invalid(f"expected {n} numbers, one for each state", "controller", name, "K_stab")
         super().check_trials(study, name)
 
 
@@ -199,23 +202,23 @@ class NormOptimalIlc(TrialLaw):
     law: Literal["norm-optimal"]
     """Learning by a matrix."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where $v$ is added: input and integrator, or the input only."""
+    """Where the learned signal $v$ is added: to input and integrator, or only to the input."""
     integral: bool = True
     """False switches the integrator off."""
     feedforward: bool = True
     """False switches the dynamic feedforward off."""
     K_s: Many[float] | None = None
-    """Given gains of the states and the integrator."""
+    """Gains of the states and the integrator. Default: by the design."""
     N: float | None = None
-    """Given static feedforward."""
+    """Gain of the static feedforward. Default: by the design."""
     q_filter: SignalFilter | None = (
         None  # on the learned signal: a weight of the signal itself over frequency
     )
-    r"""Filter on the learned signal, $v \leftarrow Q\,(v + L e)$. Default: none. It forgets what is above the
-    cut-off ([why](/theory/trial-design.md#a-weight-of-the-signal-itself))."""
+    r"""Filter on the learned signal, $v \leftarrow Q\,(v + L e)$. Default: none. Above the cut-off, the law
+    forgets what it has learned ([why](/theory/trial-design.md#a-weight-of-the-signal-itself))."""
     change_weight: Annotated[float, Field(gt=0)] = 0.01
-    """Weight of the change of $v$ from trial to trial; the error has weight 1. A larger one learns more
-    slowly and tolerates a worse model."""
+    """Weight of the change of $v$ from trial to trial, relative to the weight of the error. With a larger
+    weight the law learns more slowly and tolerates a worse model."""
 
     @property
     def design_settings(self) -> dict[str, Any]:
@@ -236,15 +239,15 @@ class ObserverIlc(TrialLaw):
     learning: bool = True
     """False keeps $v$ at zero."""
     feedforward: bool = True
-    """False switches off the input that the nominal plant needs for the reference."""
+    """False: leaves out the input that the nominal plant needs for the reference."""
     pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
         None  # of observer and feedback; default: by the rule
     )
-    """Given pole of observer and feedback, 0 to below 1; a smaller one is faster."""
+    """Pole of observer and feedback, from 0 to below 1; a smaller pole is faster. Default: by the rule."""
     cutoff: LawFrequency | None = None
-    """Given cut-off of the filter on $v$."""
+    """Cut-off of the filter on $v$. Default: by the rule."""
     ends: Ends = "even"
-    """As in `q_filter`."""
+    """How the filter continues the trial beyond both ends, as in `q_filter`."""
 
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
 
@@ -270,11 +273,11 @@ def _check_cutoff(study: StudyOfTrials, cutoff: float, *path: str) -> None:
 def _check_state_gains(study: StudyOfTrials, law: TrialIlc | NormOptimalIlc, name: str) -> None:
     """Refuse a number of gains, or else of state weights, that doesn't suit states and integrator."""
     n = study.states
-    whole = f"expected {n + 1} numbers: one a state, and the integrator's"
+    whole = f"expected {n + 1} numbers: one for each state, and one for the integrator"
     if law.K_s is not None and len(law.K_s) not in ((n + 1,) if law.integral else (n, n + 1)):
         raise invalid(whole, "controller", name, "K_s")
     if law.K_s is None and law.integral and len(study.design.state_weight) == n:
-        raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
+        raise invalid(f'{whole} of controller "{name}"', "design", "state_weight")
 
 
 AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | PythonLaw | LibraryLaw
@@ -293,26 +296,27 @@ class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
     discretisation: Literal["euler", "exact"] | None = None
-    """How the models of the design are sampled: exactly, with a zero-order hold, or by Euler. Default:
-    Euler's models in the inequalities, exact ones for the feedforward
+    """How the design samples its models: `exact` with a zero-order hold, or `euler`. Default: Euler's models
+    in the inequalities, exact models for the feedforward
     ([why](/theory/trial-design.md#the-plant-as-a-polytope))."""
     sensor: bool = True
-    """Whether certificate, prediction and the rule of `observer-ilc` know the latency, speed method and steps
-    of the position sensor, and a bus's delay ([how](/theory/trial-design.md#the-sensor))."""
+    """True: certificate, prediction and the rule of `observer-ilc` take into account the position sensor's
+    latency, speed method and steps, and the delay of a bus ([how](/theory/trial-design.md#the-sensor))."""
     state_weight: Weight
-    """Q of (8), positive definite: its diagonal, or its rows; the integrator comes last. Without an entry for
-    the integrator every `trial-ilc` and `norm-optimal` must have `integral = false`."""
+    """Weight Q of (8), a positive definite matrix: its diagonal, or its rows. The integrator comes last.
+    Without an entry for the integrator, every `trial-ilc` and `norm-optimal` must have `integral = false`."""
     input_weight: Annotated[float, Field(gt=0)]
-    """R of (8)."""
+    """Weight R of (8)."""
     initial_state: Many[float]
-    r"""$\gamma$ of (10), the deviation whose cost is bounded; as long as `state_weight`."""
+    r"""Initial state $\gamma$ of (10), whose cost is bounded. It has as many numbers as `state_weight`."""
     initial_change: Many[float] | None = None
-    """f of (31), as long as `state_weight`. Default: `initial_state`. Give zeros if all trials start alike,
-    even with an offset: $K_3$ is then the gain whose slowest frequency converges fastest."""
+    """Vector f of (31), with as many numbers as `state_weight`. Default: `initial_state`. Give zeros if all
+    trials start alike, even with an offset: $K_3$ is then the gain whose slowest frequency converges
+    fastest."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
-    """g of (31)."""
+    """Number g of (31)."""
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
-    """For a drive, `[smallest, largest]` by dotted key: `"mechanics.inertia"`,
+    """Ranges of a drive's parameters, `[smallest, largest]` by dotted key: `"mechanics.inertia"`,
     `"mechanics.viscous_friction"`, `"motor.K_t"`."""
 
     @field_validator("range", mode="before")
