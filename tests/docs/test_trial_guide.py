@@ -78,7 +78,7 @@ ERRORS = [
     ),
     (
         'plant.A=[[0,1],[0,"-B/Jm"]]',
-        'plant.A.1.1: "-B/Jm": expected known parameters (J, B, K_t), not "Jm"',
+        'plant.A.1.1: "-B/Jm": expected only known parameters (J, B, K_t), not "Jm"',
     ),
     (
         "controller.ilc.K_s=[-1000,-0.1,1]",
