@@ -282,7 +282,7 @@ def test_nothing_else_takes_a_controller_without_its_learning_gain(tmp_path: Pat
     assert str(error.value).startswith(f"{tmp_path}/study.toml: {NO_K_3}")
     warnings = DESIGNS[study.kind].warnings
     (line,) = warnings(study, "move", "ilc")
-    assert str(line) == "controller.ilc: from trial to trial, exact model: no K_3"
+    assert str(line) == "controller.ilc: the error's largest factor from trial to trial: exact model: no K_3"
     assert warnings(study, "move", "feedback") == []
 
 

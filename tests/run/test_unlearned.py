@@ -160,7 +160,9 @@ def test_foreseen_by_the_reference(tmp_path):
         },
     )
     assert foreseen(small, "long", "over-time") is None
-    assert foreseen(small, "short", "over-time") == "a period at 10 rpm has 6000 samples, cells 1000"
+    assert (
+        foreseen(small, "short", "over-time") == "a period at 10 rpm has 6000 samples, more than cells = 1000"
+    )
 
 
 def test_a_path_that_turns_back_is_learned_over_the_angle_only(tmp_path):

@@ -94,7 +94,7 @@ def test_it_says_why_a_speed_is_not_held(capsys: pytest.CaptureFixture[str]) -> 
     code, out, _ = cogless(capsys, "new", "fast", *numbers, "--drive", "generic")
     text = " ".join(out.split())
     assert code == 0 and "With these numbers harmonic does not hold 600 r/min: the mean speed is " in text
-    assert "its reference of 600 rpm needs more voltage than there is" in text
+    assert "its reference of 600 rpm needs more than the bus voltage" in text
     assert max(map(len, out.splitlines())) <= 80
 
 
