@@ -345,8 +345,8 @@ def test_without_a_limit_the_spread_is_told_and_what_a_limit_would_tell(tmp_path
     first, heading, *_, last = report.write(sweep, tmp_path / "r.html", lambda settings, pair: "")
     assert first == "low: How 100 variants spread, by controller." and heading == "  ripple"
     assert last == (
-        "  No metric has a limit; with limit = ... in a metric's table, the share of variants that keep "
-        "it is told."
+        "  No metric has a limit. With limit = ... in a metric's table, this page shows the share of "
+        "variants that keep it."
     )
     assert '<section class="answer even"' in (tmp_path / "r.html").read_text()
 

@@ -206,7 +206,7 @@ def test_controllers_that_lack_a_certificate_for_one_reason_share_a_sentence(tmp
     (sentence,) = (each for each in verdict.details if "not certified" in each)
     assert re.fullmatch(
         r"(ilc and twin|twin and ilc) are not certified: by the models the motion needs \d\.\d\d A at "
-        r"mechanics\.inertia = \S+, and the limit is 1\.60 A\.",
+        r"mechanics\.inertia = \S+, but the limit is 1\.60 A\.",
         sentence,
     )
 
@@ -277,7 +277,7 @@ def test_thirty_changes_make_one_row_one_mark_and_one_button(thirty):
     assert len(over["zooms"]) <= 3
     drawn = to_page(waveforms(thirty, thirty.runs))
     assert [phase["name"] for phase in drawn["phases"]] == ["start", "trial 2: start", "trial 60: start"]
-    assert drawn["note"] == "Of the 30 start changes: the first and the last."
+    assert drawn["note"] == "Of the 30 start changes, the first and the last are drawn."
 
 
 def test_thirty_changes_are_counted_in_the_verdict(thirty):

@@ -363,7 +363,7 @@ def test_a_run_outside_the_ranges_is_not_called_certified(made):
 
     outside = told(replace(made, runs=[one(run) for run in made.runs]))
     (line,) = outside
-    assert line.startswith(f"Of {ILC} the certificate says nothing: scenario table-1")
+    assert line.startswith(f"The certificate says nothing about {ILC}: scenario table-1")
 
 
 def test_a_limit_that_is_reached_is_said(made):
@@ -455,7 +455,7 @@ def test_a_logarithmic_axis_has_no_place_for_zero(study):
     values = unpack(chart["series"][1]["values"])
     assert np.flatnonzero(np.isnan(values)).tolist() == [3, 4, 7]
     assert chart["note"] == (
-        "Not on a logarithmic axis: ILC, Fig. 1, 2 trials at zero; ILC, Fig. 1, 1 trial not finite."
+        "The logarithmic axis cannot show: ILC, Fig. 1, 2 trials at zero; ILC, Fig. 1, 1 trial not finite."
     )
 
 
@@ -484,7 +484,7 @@ def test_chosen_trials_hold_what_the_trace_has(made, study):
 def test_so_many_phases_are_drawn_and_the_rest_is_told(made, monkeypatch):
     monkeypatch.setattr(trials, "MOST_PHASES", 2)
     waves = to_page(trials.waveforms(made, made.runs))
-    assert waves["note"] == "Of the first 2 of 3 phases."
+    assert waves["note"] == "Only the first 2 of 3 phases are drawn."
     assert [phase["name"] for phase in waves["phases"]] == ["start", "trial 21: load"]
 
 
@@ -606,8 +606,8 @@ def test_a_certificate_in_lines(made):
 
     line, warned, rows = told(good, grows)
     assert line == (
-        "from trial to trial, Euler model: 0.976367 at 62.5 Hz, contracting; exact model: "
-        "1.00032 at 198.8 Hz, may grow"
+        "the error's largest factor from trial to trial: Euler model: 0.976367 at 62.5 Hz, contracting; "
+        "exact model: 1.00032 at 198.8 Hz, may grow"
     )
     assert warned == [line]
     assert rows == [
@@ -621,10 +621,13 @@ def test_a_certificate_in_lines(made):
     line, warned, _ = told(good, monotone)
     assert line.endswith("exact model: 1 at 0 Hz, monotone") and warned == []
     line, warned, rows = told(lost, None)
-    assert line == "from trial to trial, Euler model: unstable along the trial" and warned == [line]
+    assert (
+        line == "the error's largest factor from trial to trial: Euler model: unstable along the trial"
+        and warned == [line]
+    )
     assert rows == [("Euler", "0.9852 unstable", "1.273 unstable", *["-"] * 6)]
     line, warned, _ = told(replace(good, without_filter=None), None)
-    assert line == "from trial to trial, Euler model: no learning" and warned == []
+    assert line == "the error's largest factor from trial to trial: Euler model: no learning" and warned == []
 
 
 def test_certificates_stay_out_of_the_results_file(made):

@@ -214,13 +214,14 @@ CHART_ORDER_MOST = 120  # highest mechanical order of a piece
 PIECE_SLACK = 0.05
 
 WATERFALL_NOTE = (
-    "Amplitude of each order of the mechanical revolution at each speed: the fuller the colour, the larger, "
-    "over two decades. What the angle excites stands upright; a resonance runs across, because its "
-    "order falls as the speed rises."
+    "Amplitude of each order of the mechanical revolution at each speed. A fuller colour is a larger "
+    "amplitude; the colours cover two decades. What depends on the angle makes an upright line. A resonance "
+    "runs across the chart, because its order falls as the speed rises."
 )
 TRACKING_NOTE = (
-    "The strongest orders of the speed error, one piece of whole revolutions after the other: over the "
-    "speed where that sweeps, else over time, which shows how fast each frequency is learned."
+    "The strongest orders of the speed error. Each point is from a piece of whole revolutions. The points "
+    "are drawn over the speed if the speed sweeps, else over time, which shows how fast each frequency is "
+    "learned."
 )
 
 

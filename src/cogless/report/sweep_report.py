@@ -84,8 +84,8 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
     details = [f"{failed} runs failed; sweep.parquet has their errors."] if failed else []
     if not limited:
         details.append(
-            "No metric has a limit; with limit = ... in a metric's table, the share of variants that "
-            "keep it is told."
+            "No metric has a limit. With limit = ... in a metric's table, this page shows the share of "
+            "variants that keep it."
         )
     return ScenarioVerdict(
         scenario, _tone(results, limited), _headline(results, runs, limited), details, parts
