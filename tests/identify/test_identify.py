@@ -150,9 +150,9 @@ def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsa
     [
         (1.0, 0.0, []),
         (1.0, np.radians(59), []),
-        (1.0, np.radians(61), ["72 (4 mN*m) comes out worse than not at all, since the law"]),
-        (2.1, 0.0, ["72 (4 mN*m) comes out worse than not at all, since the law"]),
-        (None, 0.0, ["would not tell the study's cogging of order 72 (4 mN*m)."]),
+        (1.0, np.radians(61), ["72 (4 mN*m), identified from them, would be worse than no value,"]),
+        (2.1, 0.0, ["72 (4 mN*m), identified from them, would be worse than no value,"]),
+        (None, 0.0, ["would not show the study's cogging of order 72 (4 mN*m)."]),
     ],
 )
 def test_a_plan_whose_logs_mislead_says_so(tmp_path, share, turn, said):

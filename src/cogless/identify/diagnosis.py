@@ -202,8 +202,8 @@ def _without(logs: Sequence[Log]) -> list[str]:
         if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
             remarks.append(
                 Advice(
-                    f"{log.name}: no current: causes of one order cannot be told apart, only how it "
-                    "changes with speed; record i_q.",
+                    f"{log.name}: no current: it shows how an order changes with the speed, but "
+                    "not which cause the order has; record i_q.",
                     recording(signal="i_q", log=log.name),
                 )
             )
@@ -275,7 +275,7 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
                 Advice(
                     f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two "
                     "rows, "
-                    f"which may show it as another order; record {rate:.3g} rows a second, or turn more "
+                    f"which may appear as another order; record {rate:.3g} rows a second, or turn more "
                     "slowly.",
                     recording(rate=rate),
                     recording(speed=abs(part.speed) / (part.log.dt * rate)),
@@ -304,7 +304,7 @@ def _opposed(orders: Sequence[OrderCauses]) -> list[str]:
         if entry.share >= LINE_SHARE_LEAST and entry.causes[0].share > 1 + CANCELLED_SHARE and against:
             remarks.append(
                 f"Order {entry.order} in {entry.log}: {entry.causes[0].name} and {against[-1].name} oppose "
-                "each other; a share is of what is left, so one is above 100 % and the other below 0."
+                "each other; shares are of the ripple that is left, so one is above 100 %, and one below 0."
             )
     return remarks
 
