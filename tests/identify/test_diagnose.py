@@ -151,7 +151,7 @@ def test_the_cause_is_what_is_wrong(wrong, log, order, cause, confidence):
 
 def test_nothing_else_is_blamed():
     made = of("cogging")
-    assert diagnosis.answer(made).startswith("Most of the ripple is cogging, ")
+    assert diagnosis.answer(made).startswith("Most of the ripple is cogging: ")
     for log in made.whole:
         shares = made.causes(log)
         assert sum(shares.values()) == pytest.approx(1, abs=0.02)
@@ -227,7 +227,7 @@ def test_the_command_answers_first_and_writes_a_report(tmp_path):
     ]
     done = CliRunner().invoke(cli.app, arguments)
     assert done.exit_code == 0, done.output
-    assert done.stdout.startswith("Most of the ripple is cogging, ")
+    assert done.stdout.startswith("Most of the ripple is cogging: ")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Most of the ripple is cogging" in page and "src=" not in page
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
@@ -242,7 +242,7 @@ def test_the_command_in_eighty_columns(tmp_path, monkeypatch):
         monkeypatch.setattr("cogless.lines.terminal_columns", lambda *_, columns=columns: columns)
         texts.append(CliRunner().invoke(cli.app, arguments).stdout)
     narrow, wide = texts
-    assert narrow.split() == wide.split() and narrow.startswith("Most of the ripple is cogging, ")
+    assert narrow.split() == wide.split() and narrow.startswith("Most of the ripple is cogging: ")
     assert max(map(len, narrow.splitlines())) <= 80
 
 

@@ -202,5 +202,6 @@ def test_logs_that_cannot_be_played_leave_the_estimate_and_say_so(found, monkeyp
     for key, value in made.values.items():
         assert kept.values[key].value == value.value and kept.values[key].error >= value.error
     assert kept.remarks[-1].startswith(
-        "The logs could not be simulated (no such drive). So the delay is known only to half a period"
+        "The logs could not be simulated (no such drive). Without a simulation the delay is "
+        "known only to half a period"
     )

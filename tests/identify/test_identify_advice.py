@@ -549,7 +549,7 @@ def test_a_signal_that_a_diagnosis_asks_for_tells_the_cause(signal: str, case: s
     assert asked
     made = diagnosed(logs)
     assert not {words(line) for line in asked} & set(map(words, made.remarks))
-    assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}, ")
+    assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}: ")
 
 
 def test_a_third_speed_tells_a_vibration_from_orders_that_meet() -> None:
@@ -576,7 +576,7 @@ def test_an_order_that_grows_with_speed_is_told_by_the_current() -> None:
     grows = [line for line in advice_of(lines) if " grows from " in line]
     assert grows and all(line.cures == ({"record.signal": "i_q"},) for line in grows)
     made = diagnosed(logs)
-    assert diagnosis.answer(made).startswith("Most of the ripple is encoder, ")
+    assert diagnosis.answer(made).startswith("Most of the ripple is encoder: ")
 
 
 def test_a_log_at_a_steady_speed_is_what_a_diagnosis_needs() -> None:

@@ -234,8 +234,8 @@ def test_a_small_order_beside_a_large_one_may_be_the_encoders(
     assert (
         left
         == [
-            f"Order {order} near the larger order 24: cogging and an encoder's error of order {abs(order - 24)} "
-            f"({degrees:.2g} deg) cannot be told apart; add a faster log."
+            f"Order {order} near the larger order 24: cogging and an encoder's error of order "
+            f"{abs(order - 24)} ({degrees:.2g} deg) cannot be told apart; add a faster log."
         ]
         * beside
     )
@@ -552,7 +552,7 @@ def test_a_diagnosis_is_read_from_the_answer_down() -> None:
     )
     heading = "log                  order  rad/s rms  of all  cause (share of the order), confidence"
     assert diagnosis.answer_lines(made) == [
-        "Most of the ripple is cogging, 73 % of the square of the speed's ripple in 1 of 2 logs.",
+        "Most of the ripple is cogging: 73 % of the ripple's square in 1 of 2 logs.",
         "",
         f"{slow.log} (1 rev/s, 0.1 A): 0.559 rad/s rms: cogging 73 %, no order 19 %, not explained 8 %",
         f"{fast.log} (2 rev/s): 0.4 rad/s rms: encoder or mechanics 50 %, no order 50 %",
@@ -581,12 +581,14 @@ def test_the_answer_has_a_span_where_logs_differ() -> None:
 
     told_apart = order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.6)
     assert told(*told_apart) == (
-        "Most of the ripple is cogging, 60 to 90 % of the square of the speed's ripple in 2 of 2 logs."
+        "Most of the ripple is cogging: 60 to 90 % of the ripple's square in 2 of 2 logs."
     )
-    assert "cogging, 90 % of the square" in told(order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.895))
-    assert told(told_apart[0]).endswith("cogging, 90 % of the square of the speed's ripple in 1 log.")
+    assert "cogging: 90 % of the ripple's square" in told(
+        order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.895)
+    )
+    assert told(told_apart[0]).endswith("cogging: 90 % of the ripple's square in 1 log.")
     unclear = order_at(1, 1.0, Cause("encoder or mechanics", 1.0, 0.4))
-    assert "is encoder or mechanics, which cannot be told apart here, 90 % of" in told(unclear)
+    assert "is encoder or mechanics, which cannot be told apart here: 90 % of" in told(unclear)
     assert told(order_at(6, 1.0, share=0.1)) == (
         "Most of the ripple is of no order of the rotor that these logs can show: vibration, or slow changes "
         "of the speed."
@@ -891,7 +893,7 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     assert f"<li>{slow.log}: 0.559 rad/s rms</li>" in page
     more = replace(made, logged={slow.log: 1.0}, uses={"a": "holds the rotor"})
     page = diagnosed.render(more)
-    assert f"<li>{slow.log}: 0.559 rad/s rms, 69 % of the square of the logged speed" in page
+    assert f"<li>{slow.log}: 0.559 rad/s rms, steps and noise are 69 % of the square of the logged 1<" in page
     assert "<li>a: holds the rotor</li>" in page
     assert "Nothing is left out." in diagnosed.render(replace(made, remarks=()))
 

@@ -367,16 +367,16 @@ def answer(diagnosis: Diagnosis) -> str:
     shares = list(by_log.values())
     if name == NO_ORDER:
         return (
-            f"Most of the ripple is of {NO_ORDER} of the rotor that these logs can show: vibration, or slow "
-            "changes of the speed."
+            f"Most of the ripple is of {NO_ORDER} of the rotor that these logs can show: vibration, or "
+            "slow changes of the speed."
         )
     low, high = 100 * min(shares), 100 * max(shares)
     span = f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"
     where = "1 log" if len(logs) == 1 else f"{len(shares)} of {len(logs)} logs"
-    verdict = "which cannot be told apart here, " if OR in name else ""
+    verdict = ", which cannot be told apart here" if OR in name else ""
     if name == BEYOND:
-        verdict = "which they show as a slower wave, "
-    return f"Most of the ripple is {name}, {verdict}{span} of the square of the speed's ripple in {where}."
+        verdict = ", which the logs show as a slower wave"
+    return f"Most of the ripple is {name}{verdict}: {span} of the ripple's square in {where}."
 
 
 def answer_lines(diagnosis: Diagnosis) -> list[str]:
@@ -413,11 +413,10 @@ def sizes(diagnosis: Diagnosis, log: str) -> str:
     size, motion, noise = diagnosis.whole[log], diagnosis.motion(log), diagnosis.noise(log)
     says = [f"{size:.3g} rad/s rms"]
     if motion < (1 - LINE_SHARE_LEAST) * size:
-        says.append(f"the rotor's own {motion:.3g}, the rest is the encoder's error")
+        says.append(f"of this the rotor's motion is {motion:.3g}, the rest is the encoder's error")
     if noise > LINE_SHARE_LEAST:
         says.append(
-            f"{100 * noise:.0f} % of the square of the logged speed's {diagnosis.logged[log]:.3g} is its "
-            "steps and noise"
+            f"steps and noise are {100 * noise:.0f} % of the square of the logged {diagnosis.logged[log]:.3g}"
         )
     return ", ".join(says)
 

@@ -397,8 +397,8 @@ def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[t
             sentences.append(
                 Advice(
                     f"Order {' and '.join(str(wave.order) for wave in weaker)} near the larger order "
-                    f"{main.order}: cogging and an encoder's error of order {k} ({degrees:.2g} deg) cannot be told apart; "
-                    "add a faster log.",
+                    f"{main.order}: cogging and an encoder's error of order {k} ({degrees:.2g} deg) cannot "
+                    "be told apart; add a faster log.",
                     logs_of_kind("constant-speed"),
                 )
             )
