@@ -113,7 +113,7 @@ def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.C
     study = (studies.write(tmp_path), "--set", "controller.fair.gain=9")
     code, _, err = cogless(capsys, "run", *study, *options, "-o", tmp_path)
     assert code == 0
-    said = "controller.fair: unstable with the feedback that learning adds, at 500 Hz; gain = "
+    said = "controller.fair: unstable with the feedback that learning adds, at 500 Hz; learning settles with "
     assert err.splitlines()[-1].startswith(f"Warning: {said}")
     assert err.count("Warning: ") == 3  # and both scenarios are too short to learn in
 

@@ -60,9 +60,9 @@ def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
     encoder = {"kind": "encoder", "lines": 2500}
     slow = {"scenario.slow.reference": "11 rpm", "drive.position_sensor": encoder}
     line = (
-        "scenario.slow: at 11 rpm 0.46 counts per speed sample: most samples read 0, the others 24 "
-        "rpm; "
-        'drive.position_sensor.speed_method = "MT" times the edges'
+        "scenario.slow: at 11 rpm the position sensor gives 0.46 counts per speed sample: most samples read "
+        '0, the others 24 rpm; drive.position_sensor.speed_method = "MT" would time the edges, and leave '
+        "less ripple by calculation"
     )
     assert beyond_drive(my_motor(**slow), ["slow", "slow"]) == [line]
     assert f"{line}." in [str(text) for text in design_table(my_motor(**slow)).renderables]

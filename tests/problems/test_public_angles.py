@@ -199,7 +199,7 @@ def test_offsets_of_the_duty_cycles_move_the_rotor_by_the_logged_current(tmp_pat
         np.savez(tmp_path / f"{name}.npz", **signals)
     paths = [tmp_path / f"{name}.npz" for name in (*logs, "off")]
     drive = diagnosis.diagnosed(paths, tmp_path / "id.toml", lambda what, share: None)
-    assert diagnosis.answer(drive).startswith("Most of the ripple is applied current, ")
+    assert diagnosis.answer(drive).startswith("Most of the ripple is applied current: ")
     for name, log in logs.items():
         (largest, *_) = sorted(drive.orders_of(f"{name}.npz"), key=lambda each: -each.share)
         assert (largest.order, largest.confidence) == (4, "sure") and largest.share > 0.95

@@ -315,7 +315,10 @@ def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str
     """The times in which learning settles at the slowest and fastest constant speed; "" if unknown."""
     if not times:
         return ""
-    words = [f"{_rounded_time(each.time)} at {speed_text(study, each.omega_m)}{_end(each)}" for each in times]
+    words = [
+        f"{_rounded_time(at_speed.time)} at {speed_text(study, at_speed.omega_m)}{_end(at_speed)}"
+        for at_speed in times
+    ]
     slower = f" or later (the estimate leaves out {', '.join(lacks)})" if lacks else ""
     return f", in about {' and '.join(words)}{slower}"
 
