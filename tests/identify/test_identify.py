@@ -171,7 +171,7 @@ def test_a_plan_whose_logs_mislead_says_so(tmp_path, share, turn, said):
 
 def test_cogging_of_the_order_of_the_pole_pairs_is_left_out_with_a_cure(found):
     name, made = found
-    said = [line for line in made.left_out if "is the pole pairs" in line]
+    said = [line for line in made.left_out if "is the number of pole pairs" in line]
     assert len(said) == (name == "drone")
     assert all("record currents with the bridge off" in line for line in said)
 

@@ -197,8 +197,8 @@ def test_an_order_of_the_pole_pairs_waits_for_the_bridge_to_be_off(known: Identi
         made = findings.without_nonsense(estimate(known, cogging=both, offsets=offsets), left)
         assert [one.order for one in made.cogging] == orders
         told = (
-            "Order 4 is the pole pairs: cogging and a current offset cannot be told apart; record currents "
-            "with the bridge off."
+            "Order 4 is the number of pole pairs: cogging and a current offset cannot be told apart; record "
+            "currents with the bridge off."
         )
         assert left == [told] * (len(orders) == 1)
 

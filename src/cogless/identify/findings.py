@@ -433,8 +433,8 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
     if any(wave.order == poles for wave in cogging) and estimate.offsets is None:
         left_out.append(
             Advice(
-                f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
-                "record currents with the bridge off.",
+                f"Order {poles} is the number of pole pairs: cogging and a current offset cannot be told "
+                "apart; record currents with the bridge off.",
                 logs_of_kind("bridge-off"),
             )
         )
