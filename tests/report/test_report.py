@@ -406,7 +406,7 @@ def test_verdict_when_the_baseline_or_everybody_stalls(made):
         "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
         "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
     )
-    assert "The other controllers: PI re-tuned 5.17 rpm." in low.details
+    assert "The other controller: PI re-tuned 5.17 rpm." in low.details
     low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}))[0]
     assert low.tone == "worse"
     assert low.headline == (

@@ -344,7 +344,7 @@ def test_an_order_is_slight_below_a_twentieth_of_the_total(study, size, unit, to
     ],
 )  # fmt: skip
 def test_the_others_are_those_that_the_headline_leaves_out(study, given, said):
-    assert room._rest(case(study, line(**given))) == (f"The other controllers{said}" if said else "")
+    assert room._rest(case(study, line(**given))) == (f"The other controller{said}" if said else "")
 
 
 def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):

@@ -668,12 +668,13 @@ def _rest(case: _Case) -> str:
     others = [c for c in case.ranked if c not in named]
     if not others:
         return ""
+    the_others = f"The other controller{'s' * (len(others) > 1)}"
     if base not in case.ranked:
-        return f"The other controllers: {case.values_in_words(others)}."
+        return f"{the_others}: {case.values_in_words(others)}."
     parts = [
         f"{case.label(c)} {case.line.value_text(c)} ({change_words(case.against(c, base))})" for c in others
     ]
-    return f"The other controllers, compared with {case.label(base)}: {listed(parts)}."
+    return f"{the_others}, compared with {case.label(base)}: {listed(parts)}."
 
 
 def _failures(case: _Case) -> list[str]:

@@ -15,9 +15,9 @@ from cogless.results import Run, TrialResults
 
 CERTIFICATE_NOTE = (
     "These values are known before any run, from the models alone. Each is the largest over the corners of "
-    "the uncertain parameters and over random plants within them; the pointer tells which plant. Along the "
-    "trial: the largest pole of the loop, stable below 1. |F|: the largest factor by which any frequency of "
-    "the error is multiplied from one trial to the next. With the ends: growth a trial in tried trials, "
+    "the uncertain parameters and over random plants within them; point at a value to see the plant. Along "
+    "the trial: the largest pole of the loop, stable below 1. |F|: the largest factor by which any frequency "
+    "of the error is multiplied from one trial to the next. With the ends: growth a trial in tried trials, "
     "which begin and end. If neither |F| nor this growth is above 1, the error doesn't grow (monotone). If "
     "|F| is also below 1 everywhere, the error shrinks at every frequency (contracting). Largest share: the "
     "most that a trial may have of any error without learning (with an observer, of any missing input)."
