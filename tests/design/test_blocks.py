@@ -26,7 +26,7 @@ from cogless.study import Study, TrialStudy
 from cogless.study.reading import Remark
 
 FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
-LATER = r" or later \(the estimate leaves out dead time, current noise"
+LATER = r"; it may take longer \(the estimate leaves out dead time, current noise"
 LATE = r" \(scenario slow lasts only 60 s\)"
 YES = rf"yes, in about \d+ s at 15 rpm{LATE} and [\d.]+ s at 240 rpm{LATER}\)"
 END = "$"  # 25000 rpm, up to which it would learn, are more than the voltage reaches

@@ -319,7 +319,7 @@ def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str
         f"{_rounded_time(at_speed.time)} at {speed_text(study, at_speed.omega_m)}{_end(at_speed)}"
         for at_speed in times
     ]
-    slower = f" or later (the estimate leaves out {', '.join(lacks)})" if lacks else ""
+    slower = f"; it may take longer (the estimate leaves out {', '.join(lacks)})" if lacks else ""
     return f", in about {' and '.join(words)}{slower}"
 
 
