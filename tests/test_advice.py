@@ -354,7 +354,7 @@ CASES: dict[str, list[Case]] = {
         for name in ("pi", "harmonic")
     ] + [
         Case(MY_MOTOR, {**NONE, **encoder(speed_method="average", window=2),
-                        "scenario.slow.reference": "11 rpm"}, 'speed_method = "MT" } times the edges'),
+                        "scenario.slow.reference": "11 rpm"}, 'speed_method = "MT" } would time the edges'),
     ],
     "design.unlearned.map_warning": [
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 100}, gain="0.2 A*s/rad")},
@@ -363,7 +363,7 @@ CASES: dict[str, list[Case]] = {
              "a wave of order 24 (mechanical) has only", "x", cures=2),
     ],
     "design.laws.periodic.relay_warning": [
-        Case("liu2018", {}, "its relay switches", "robust-ilc",
+        Case("liu2018", {}, "its relay g switches", "robust-ilc",
              "900-rpm"),
     ],
     "design.turning.unstable_turning": [
@@ -411,9 +411,9 @@ CASES: dict[str, list[Case]] = {
         Case(SMALLEST, {**SETTLING, **law(**ANGLE, mu_alpha="50 A")}, "unstable", "x", left=0.1),
         Case(SMALLEST, {**FAST, **law(**{**LEARNS, "cells": 4}, period="electrical", gain="4 A*s/rad")},
              "may grow", "x"),
-        Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**ANGLE, mu_alpha="5 A")}, "which it passes", "x"),
+        Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**ANGLE, mu_alpha="5 A")}, "the reference passes", "x"),
         Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**{**ANGLE, "q_half_width": 2}, mu_alpha="1 A")},
-             "which it passes", "x"),
+             "the reference passes", "x"),
     ],
     "design.verdict.steadier": [
         Case(MY_MOTOR, {**NONE, **law(law="pi-ilc", kp="3 A*s/rad", ki="100 A/rad", gain="0.02 A*s/rad")},

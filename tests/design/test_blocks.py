@@ -132,7 +132,7 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
     [
         ("yes", "yes", ""),
         ("yes; it learns up to 9 rpm", "yes", "it learns up to 9 rpm"),
-        ("no, because it grows, 1.2x a period", "no", "it grows, 1.2x a period"),
+        ("no, because it grows by a factor of 1.2", "no", "it grows by a factor of 1.2"),
         ("not judged: it snaps", "not judged", "it snaps"),
         ("not worth it: at 5 rpm it leaves 2 rpm", "not worth it", "at 5 rpm it leaves 2 rpm"),
         ("it learns nothing; frozen", "no", "it learns nothing; frozen"),

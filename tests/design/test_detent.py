@@ -164,7 +164,9 @@ def test_a_late_back_emf_stops_a_rotor_that_the_ripple_without_it_would_let_turn
         assert stopped(study, "slow") == stops, rpm
         assert (foreseen(study, "slow") >= STOPPING_RIPPLE) == stops, rpm
     remark = slow_warning(draft_of_a_light_motor(tmp_path, "generic", 30), "pi")
-    assert remark is not None and str(remark).endswith("the rotor stops and snaps; from 44 rpm on it turns")
+    assert remark is not None and str(remark).endswith(
+        "the rotor stops and snaps; from 44 rpm on the rotor turns"
+    )
     cured = changed(draft_of_a_light_motor(tmp_path, "generic", 30), remark.cures[0])
     assert not stopped(cured, "slow")
 

@@ -291,7 +291,7 @@ def test_a_limit_below_the_cogging_holds_the_rotor(tmp_path: Path) -> None:
     remark = designed(study, "current_limit")
     star = study.motor.star()
     needs = (8e-3 + 4e-3 + 3e-3) / star.K_t  # amplitudes of both orders, and friction
-    assert (remark.cures and "to turn evenly" in str(remark)) or "its motion and load" in str(remark)
+    assert (remark.cures and "an even speed needs" in str(remark)) or "its motion and load" in str(remark)
     (cure,) = remark.cures
     assert float(cure["drive.current_loop.current_limit"].split()[0]) == pytest.approx(1.1 * needs, rel=0.1)
     assert "mean 0 of" in headline(study)

@@ -312,7 +312,7 @@ def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(ma
         "At 60 rpm, PI-ILC leaves 0.461 rpm of speed order 6 (electrical), "
         "10.4 times less than PI as published (4.80 rpm)."
     )
-    assert "Of the strongest order" not in " ".join(low.details)
+    assert "In the strongest order" not in " ".join(low.details)
 
 
 def test_the_strongest_order_is_that_of_the_worst_where_the_baseline_has_no_number(made):
