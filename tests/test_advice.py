@@ -411,7 +411,7 @@ CASES: dict[str, list[Case]] = {
         Case(SMALLEST, {**SETTLING, **law(**ANGLE, mu_alpha="50 A")}, "unstable", "x", left=0.1),
         Case(SMALLEST, {**FAST, **law(**{**LEARNS, "cells": 4}, period="electrical", gain="4 A*s/rad")},
              "may grow", "x"),
-        Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**ANGLE, mu_alpha="5 A")}, "the reference passes", "x"),
+        Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**ANGLE, mu_alpha="5 A")}, "reference passes", "x"),
         Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**{**ANGLE, "q_half_width": 2}, mu_alpha="1 A")},
              "the reference passes", "x"),
     ],

@@ -770,7 +770,7 @@ def test_every_section_has_its_note(page):
     ]
     notes += [order_charts.TRACKING_NOTE, order_charts.WATERFALL_NOTE]
     assert [text for text in notes if escape(text) not in page] == []
-    assert "RMS of each term of the current reference late in low-speed. The varying part is" in page
+    assert "RMS of each term of the current reference late in scenario low-speed. The varying part is" in page
 
 
 def test_settings_are_those_of_the_file(made):
