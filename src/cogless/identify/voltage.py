@@ -133,7 +133,7 @@ def _of_motion(
         else:
             cure[f"columns.{signal}.scale"] = float(f"{column.scale * scale:.10g}")
     return Advice(
-        f"{log.name}: by the voltage, K_t is {times:.3g} of that in {identification.described_in}: "
+        f"{log.name}: by the voltage, K_t is {times:.3g} times that in {identification.described_in}: "
         f"{' and '.join(identification.columns[signal].name for signal in signals)} look {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
@@ -147,7 +147,7 @@ def _of_current(identification: Identification, log: Log, times: float, says: st
         if signal in log and signal in identification.columns
     }
     return Advice(
-        f"{log.name}: by the voltage, R is {times:.3g} of that in {identification.described_in}: "
+        f"{log.name}: by the voltage, R is {times:.3g} times that in {identification.described_in}: "
         f"{identification.columns['i_q'].name} is 1000 times too {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
