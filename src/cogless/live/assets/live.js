@@ -455,7 +455,7 @@
     } else drop("picture:turn");
     const ripples = shown().map((c) => found(c.name)?.ripple.values ?? []).flat().filter((x) => x > 0);
     const log = Math.max(...ripples) > 10 * Math.min(...ripples);
-    lines($("ripple"), "ripple:time", { title: "Speed ripple, rms of the last revolution, over the time", x: "time (s)", y: "ripple, rms (r/min)", log },
+    lines($("ripple"), "ripple:time", { title: "Speed ripple, rms of the last revolution, over time", x: "time (s)", y: "ripple, rms (r/min)", log },
       ({ ripple }) => ({ at: ripple.at, values: ripple.values.map((x) => (log && !(x > 0) ? null : rpm(x))) }));
   }
 
