@@ -35,8 +35,8 @@ REVERSAL_SHARE = 0.01  # share of the rotor's travel: turning back by less is ig
 
 SPECTRA_NOTE = (
     "Amplitude of each order, integrated over angle in the last whole revolutions of the run. The baseline's "
-    "bars are the ripple without learning. The short line above a bar is that controller's amplitude at its "
-    "start."
+    "bars are the ripple without learning. The short line above a bar is that controller's amplitude in its "
+    "first revolution."
 )
 
 
