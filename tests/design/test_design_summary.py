@@ -32,7 +32,7 @@ def test_a_design_says_up_to_which_speed_it_learns() -> None:
     ("lead", "value", "note"),
     [
         (2e-3, 2e-3, ""),
-        (1.4e-3, 1e-3, "1 samples; the study asks for 0.0014 s"),
+        (1.4e-3, 1e-3, "1 samples; 0.0014 s asked for"),
         (2e-3 * (1 + 1e-10), 2e-3, ""),
     ],
 )

@@ -85,12 +85,12 @@ def test_a_lead_is_shown_as_it_is_used() -> None:
     """The controller counts whole samples of the speed loop."""
     rates = {"current_loop": "20 kHz", "speed_loop": "4 kHz"}
     coarse = load("uomodri", {"drive.rates": rates})  # its lead is 0.6 ms
-    assert "lead 0.0005 s (2 samples; the study asks for 0.0006 s)" in printed(coarse)
+    assert "lead 0.0005 s (2 samples; 0.0006 s asked for)" in printed(coarse)
     lead = design_dict(design(coarse, "pi-ilc"))["gains"]["lead"]
-    assert lead == {"value": 0.0005, "unit": "s", "note": "2 samples; the study asks for 0.0006 s"}
+    assert lead == {"value": 0.0005, "unit": "s", "note": "2 samples; 0.0006 s asked for"}
     none = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": "0.1 ms"})
     leads = [shown_gain(design(study, "pi-ilc").gains["lead"]) for study in (none, load("uomodri"))]
-    assert leads == ["0 s (0 samples; the study asks for 0.0001 s)", "0.0006 s"]
+    assert leads == ["0 s (0 samples; 0.0001 s asked for)", "0.0006 s"]
 
 
 TURN = 2 * math.pi

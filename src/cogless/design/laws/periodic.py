@@ -225,7 +225,7 @@ class LearningRules(LawRules[P], Generic[P]):
         used = samples / rate
         if math.isclose(used, lead, rel_tol=1e-9):
             return {"lead": Gain(lead, TIME.unit)}
-        return {"lead": Gain(used, TIME.unit, f"{samples} samples; the study asks for {lead:.4g} s")}
+        return {"lead": Gain(used, TIME.unit, f"{samples} samples; {lead:.4g} s asked for")}
 
     def fastest(self) -> float:
         lead = round(self.law.lead * self.study.drive.rates.outer_loop)
