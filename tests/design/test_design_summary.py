@@ -30,11 +30,7 @@ def test_a_design_says_up_to_which_speed_it_learns() -> None:
 
 @pytest.mark.parametrize(
     ("lead", "value", "note"),
-    [
-        (2e-3, 2e-3, ""),
-        (1.4e-3, 1e-3, "1 samples; 0.0014 s asked for"),
-        (2e-3 * (1 + 1e-10), 2e-3, ""),
-    ],
+    [(2e-3, 2e-3, ""), (1.4e-3, 1e-3, "1 samples; 0.0014 s asked for"), (2e-3 * (1 + 1e-10), 2e-3, "")],
 )
 def test_a_lead_is_told_in_whole_samples(lead: float, value: float, note: str) -> None:
     drive, law = SimpleNamespace(rates=SimpleNamespace(outer_loop=1e3)), SimpleNamespace(lead=lead)

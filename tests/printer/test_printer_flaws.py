@@ -115,8 +115,8 @@ def test_a_way_of_another_length_is_seen_in_a_log_of_one_direction(
         with pytest.raises(StudyError) as refused:
             check_duration(run, find_start(run, ramp(axis), axis.wavelength), ramp(axis))
         said = re.fullmatch(
-            r"a.csv: the move takes about (\d\.\d\d) times as long as the planned 200 mm with up to 200 mm/s: "
-            r"expected the --drive-config file of --plan",
+            r"a.csv: the move takes about (\d\.\d\d) times as long as the planned 200 mm with up to 200 "
+            r"mm/s: expected the --drive-config file of --plan",
             str(refused.value),
         )
         assert said is not None and float(said[1]) == pytest.approx(travel / 0.2, abs=0.03)
