@@ -178,7 +178,7 @@ def test_hall_edges_come_later_than_the_loop_from_rest_can_wait(tmp_path: Path) 
     study = problem(tmp_path, VELINEON)
     remark = designed(study, "edge comes every")
     # 2 pole pairs have 12 edges a turn, and 500 r/min are 8.33 turns a second
-    assert "every 10 ms and the speed is the mean over 6 such intervals" in str(remark)
+    assert "every 10 ms, and the speed is the mean over 6 such intervals" in str(remark)
     assert "no controller holds the speed" in headline(study)
     helps(study, remark, 0.05)
     assert speed_error(study, {"drive.current_loop.current_limit": "120 A"}) > 0.5  # not the current
@@ -328,7 +328,7 @@ def test_a_calibration_that_sticks_needs_gains_stiffer_than_its_detents(tmp_path
     fro at one place for ever, at vel_gain 3e-4 and vel_integrator_gain 2e-3 A/(count/s) and A/count; higher
     gains were the cure."""
     study = problem(tmp_path, SK3)
-    remark = designed(study, "calibration run in x records nothing", "map")
+    remark = designed(study, "calibration run in scenario x records nothing", "map")
     assert "most of it of order 84, in whose detents the rotor swings at 18.8 Hz" in str(remark)
     helps(study, remark, 0.4, "map")
     per_rad = 8192 / (2 * np.pi)
