@@ -165,7 +165,7 @@ def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(
     effect = Effect(guess=made.guesses[0], nominal=outcome(0.3), outcomes={"more": outcome(0.6)})
     ranking = Ranking(learned=outcome(0.3), baseline=outcome(2), effects=(effect,))
     lines = " ".join(_ranking_lines(study, ranking, path, ()))
-    assert "harmonic 0.3 r/min. At a faster speed it is not worth it: at 3000 rpm it leaves " in lines
+    assert "harmonic 0.3 r/min. At a faster speed it is not worth it: at 3000 rpm learning leaves " in lines
     assert "One guess matters most. Measure or look up first:" in lines
 
 
