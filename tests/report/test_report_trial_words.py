@@ -70,7 +70,8 @@ def at_limit(run_length, trials):
 
 def test_the_ranking_says_whom_it_leaves_out(study):
     assert headline(study, ilc=FALLS, input=GROWS, none=STAYS).endswith(
-        "no learning never is. The ranking is without ILC into the input, whose error grows over the trials."
+        "no learning never reaches it. The ranking is without ILC into the input, whose error grows over the "
+        "trials."
     )
     assert headline(study, ilc=GROWS, input=GROWS, none=STAYS).endswith(
         f"The ranking is without {ILC} and ILC into the input, whose errors grow over the trials."
@@ -112,7 +113,7 @@ def test_the_best_is_not_called_best_without_its_limit(study, trials, share):
     made = with_signals(made, status=lambda name: at_limit(length, trials if name == "ilc" else 0))
     (verdict,) = verdicts(made)
     but = f" But the input of {ILC} is at its limit in {share}."
-    assert verdict.headline.endswith(but if share else "no learning never is.")
+    assert verdict.headline.endswith(but if share else "no learning never reaches it.")
     assert verdict.tone == ("even" if trials == TRIALS else "better")
     every = f"The input is at its limit, where nothing is learned: {ILC} in {trials} of 60 trials."
     assert (every in verdict.details) == (trials > 0)

@@ -168,9 +168,9 @@ def _reach(c: Case, name: str, *, short: bool = False) -> str:
     counts, never = c.counts[name], c.never(name)
     if never:
         if len(never) == len(c.phases):
-            return "never is"
+            return "never reaches it"
         if short and never == list(c.phases[1:]):
-            return "never is after a change"
+            return "never reaches it after a change"
         where = after(never, c.phases)
         return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {where}"
     most = max(counts)
