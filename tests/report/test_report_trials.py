@@ -189,7 +189,8 @@ def but(value, *trials):
         pytest.param(dict.fromkeys(("none", "ilc", "input"), GROWS), "worse",
             "The error grows over the trials with every controller. No controller beats no learning: it is "
             f"at {FLOOR} in 1 of 3 phases, but never {LOAD} and {CHANGE}; the next, {ILC}, never reaches it "
-            "after a change.", f"No learning grows worse from the start: {GROWN}", id="every controller diverges"),
+            "after a change.", f"No learning grows worse from the start: {GROWN}",
+            id="every controller diverges"),
         pytest.param({"ilc": FALLS, "input": but(np.nan, slice(30, 60))}, "better",
             f"{ILC} is at {FLOOR} {EVERY}; no learning never reaches it. {UNRANKED}",
             f"ILC into the input diverges {LOAD}: its error doesn't stay finite.", id="an infinite error"),
@@ -256,8 +257,8 @@ def test_phases_in_which_the_floor_is_never_reached_are_named(study):
         told = alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
         assert told == f"ILC into the input never reaches the floor {where}; {worse}"
     quick = alone(study, {"ilc": np.full(60, 0.5), "input": STAYS, "none": start}).headline
-    expected = f"{ILC} is at {FLOOR} in the first trial after every change; no learning never "
-        "reaches it after a change."
+    expected = f"{ILC} is at {FLOOR} in the first trial after every change; no learning "
+    expected += "never reaches it after a change."
     assert quick == expected
 
 
