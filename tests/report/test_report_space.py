@@ -154,7 +154,7 @@ def test_nobody_is_worse_than_a_baseline_that_stands(made):
     stands = replace(pi, trace=replace(pi.trace, data=data))
     found = verdicts(replace(made, runs=[stands, filtered]))[0]
     assert "did not hold the speed" in found.headline
-    assert "Worse with time" not in " ".join(found.details)
+    assert "gets worse with time" not in " ".join(found.details)
 
 
 def test_what_gets_worse_is_said_where_the_design_can_tell_nothing(made, monkeypatch):
