@@ -354,24 +354,24 @@ CASES: dict[str, list[Case]] = {
         for name in ("pi", "harmonic")
     ] + [
         Case(MY_MOTOR, {**NONE, **encoder(speed_method="average", window=2),
-                        "scenario.slow.reference": "11 rpm"}, 'speed_method = "MT" } times the edges'),
+                        "scenario.slow.reference": "11 rpm"}, 'speed_method = "MT" } would time the edges'),
     ],
     "design.unlearned.map_warning": [
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 100}, gain="0.2 A*s/rad")},
-             "per wave of order 24", "x"),
+             "a wave of order 24 (mechanical) has only", "x"),
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 512}, gain="0.2 A*s/rad", q_half_width=10)},
-             "per wave of order 24", "x", cures=2),
+             "a wave of order 24 (mechanical) has only", "x", cures=2),
     ],
     "design.laws.periodic.relay_warning": [
-        Case("liu2018", {}, "its relay switches", "robust-ilc",
+        Case("liu2018", {}, "its relay g switches", "robust-ilc",
              "900-rpm"),
     ],
     "design.turning.unstable_turning": [
         Case(MY_MOTOR, {**NONE, **FEW_SAMPLES, "scenario.slow.reference": "3600 rpm"},
-             "samples in an electrical turn", left=0.5, cures=3),
+             "an electrical turn has only", left=0.5, cures=3),
     ],
     "design.current_needed.noisy_voltage": [
-        Case(NOISY_SERVO, {}, "to the limit of the voltage", "harmonic", left=0.5),
+        Case(NOISY_SERVO, {}, "drives the voltage to its limit", "harmonic", left=0.5),
     ],
     "design.back_emf.back_emf_warning": [
         Case(STEP_MOTOR, {"controller.pi.tuning.phase_margin": "45 deg"}, "back-EMF its loop is unstable",
@@ -411,9 +411,9 @@ CASES: dict[str, list[Case]] = {
         Case(SMALLEST, {**SETTLING, **law(**ANGLE, mu_alpha="50 A")}, "unstable", "x", left=0.1),
         Case(SMALLEST, {**FAST, **law(**{**LEARNS, "cells": 4}, period="electrical", gain="4 A*s/rad")},
              "may grow", "x"),
-        Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**ANGLE, mu_alpha="5 A")}, "which it passes", "x"),
+        Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**ANGLE, mu_alpha="5 A")}, "reference passes", "x"),
         Case(SMALLEST, {**SETTLING, **TURNS_BACK, **law(**{**ANGLE, "q_half_width": 2}, mu_alpha="1 A")},
-             "which it passes", "x"),
+             "the reference passes", "x"),
     ],
     "design.verdict.steadier": [
         Case(MY_MOTOR, {**NONE, **law(law="pi-ilc", kp="3 A*s/rad", ki="100 A/rad", gain="0.02 A*s/rad")},
@@ -485,7 +485,7 @@ CASES: dict[str, list[Case]] = {
         trials({"controller.ilc.shift": 1}, "low-pass filter", study=ZERO, left=0.2),
     ],
     "design.trials.from_study._better_sampled": [
-        trials({}, "makes it stable along the trial", study=SHAFT, cures=2, measure=trial, left=0.1),
+        trials({}, "the loop is stable along the trial with", study=SHAFT, cures=2, measure=trial, left=0.1),
     ],
 }  # fmt: skip
 

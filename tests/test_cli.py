@@ -113,7 +113,7 @@ def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.C
     study = (studies.write(tmp_path), "--set", "controller.fair.gain=9")
     code, _, err = cogless(capsys, "run", *study, *options, "-o", tmp_path)
     assert code == 0
-    said = "controller.fair: unstable with what learning adds at once, at 500 Hz; gain = "
+    said = "controller.fair: unstable with the feedback that learning adds, at 500 Hz; learning settles with "
     assert err.splitlines()[-1].startswith(f"Warning: {said}")
     assert err.count("Warning: ") == 3  # and both scenarios are too short to learn in
 
@@ -927,10 +927,10 @@ copper loss [W]                                   0.00497    0.00497 (1.00x)    
 chattering [mA]                                      2.95       2.95 (1.00x)       2.95 (1.00x)
 
 """
-LOW_COST = "None of the 3 other numbers is worse with PI-ILC than with PI as published.\n\n"
+LOW_COST = "None of the 3 other metrics is worse with PI-ILC than with PI as published.\n\n"
 STEP = """\
 step-on
-At 60 rpm, PI re-tuned is thrown off by 48.3 rpm (dip), 1.51 times less than PI as published (73.0 rpm).
+At 60 rpm, PI re-tuned deviates by up to 48.3 rpm (dip), 1.51 times less than PI as published (73.0 rpm).
 
 dip, 2 to 4 s     rpm
 PI as published  73.0  baseline
@@ -946,7 +946,7 @@ dip [rpm]                   73.0  48.3 (0.661x) *    56.4 (0.772x)
 settling [s]               never            never           1.36 *
 
 """
-STEP_COST = "None of the 2 other numbers is worse with PI re-tuned than with PI as published.\n\n"
+STEP_COST = "None of the 2 other metrics is worse with PI re-tuned than with PI as published.\n\n"
 MARKS = "* best; (x) times the value of PI as published\n"
 REST = "All 11 metrics: in the report, or here with --all.\n"
 

@@ -97,7 +97,7 @@ def test_run_of_trials(printed: Printed, tmp_path: Path, options: list[str]) -> 
 
 def test_run_says_what_limits_and_what_would_help(printed: Printed, tmp_path: Path) -> None:
     out = printed("run", studies.write(tmp_path), "-o", "out", "--only", "low/*")
-    assert re.search(r"\n\nWhat limits fair: (.|\n)*\sTried\sas\s", out)
+    assert re.search(r"\n\nWhat limits fair, (.|\n)*\sthat\swas\stried:\s", out)
 
 
 @pytest.mark.parametrize("name", ["uomodri", "liu2018", "verrelli2016", "hub-motor", "mandra2019"])
@@ -123,7 +123,7 @@ def test_calibrate(printed: Printed, tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_sweep(printed: Printed, tmp_path: Path) -> None:
     (tmp_path / "varied.toml").write_text(ensembles.TEXT)
     out = printed("sweep", "varied.toml", "-n", 2, "-j", 1, "-o", "swept")
-    assert out.startswith("low: Ripple keeps its limit, of 2 variants: ")
+    assert out.startswith("low: Ripple keeps its limit in this share of 2 variants: ")
 
 
 def test_tune(printed: Printed, tmp_path: Path) -> None:

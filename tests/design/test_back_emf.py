@@ -93,8 +93,8 @@ def test_what_is_unstable_with_the_back_emf_is_so_in_a_run_and_each_cure_mends_i
     warning = back_emf_warning(study, "pi")
     assert warning is not None
     assert str(warning).startswith(
-        "with the motor's back-EMF its loop is unstable, not 45 deg, since the decoupling uses a speed that "
-        "is late; drive.current_loop.decoupling = false"
+        "with the motor's back-EMF its loop is unstable; without it the margin is 45 deg. The decoupling "
+        "does not prevent this, since it uses a late speed; drive.current_loop.decoupling = false"
     )
 
     def ripple(of: Study) -> float:
@@ -118,8 +118,8 @@ def test_learning_is_doubted_where_the_back_emf_outweighs_the_rotor(tmp_path: Pa
     assert doubt is not None
     assert re.match(
         r"not sure: at 60 rpm the motor's back-EMF changes the response to a current at order 50 by the "
-        r"factor 0\.\d+; convergence is sure for factors from 0\.5 to 1\.5; runs with several "
-        r"seeds show it\.",
+        r"factor 0\.\d+; convergence is sure for factors from 0\.5 to 1\.5; runs of the study with several "
+        r"seeds show it, ",
         doubt.words,
     )
     heavy = changed(free, {"mechanics.inertia": "1e-3 kg*m^2"})

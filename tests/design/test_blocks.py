@@ -26,9 +26,9 @@ from cogless.study import Study, TrialStudy
 from cogless.study.reading import Remark
 
 FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
-LATER = r" or later \(not in the model: dead time, current noise"
-LATE = "; too late for scenario slow, which lasts 60 s"
-YES = rf"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm{LATER}\){LATE}"
+LATER = r"; it may take longer \(the estimate leaves out dead time, current noise"
+LATE = r" \(scenario slow lasts only 60 s\)"
+YES = rf"yes, in about \d+ s at 15 rpm{LATE} and [\d.]+ s at 240 rpm{LATER}\)"
 END = "$"  # 25000 rpm, up to which it would learn, are more than the voltage reaches
 
 
@@ -52,21 +52,25 @@ def words_of(study: Study, name: str, made: Design) -> str:
         (Verdict("settles", FADES), YES + END),
         (Verdict("settles", FADES, ratio=1.9),
             f"{YES}, but leaves 1.9 times the speed ripple of its feedback alone{END}"),
-        (Verdict("settles", FADES, doubts=(Remark("few counts"),)), f"{YES}; not sure: few counts{END}"),
-        (Verdict("grows", RISES, remedy=Remark("lead = 1 repairs it")),
-            "no, because it grows, 1.2x a period at 50 Hz; lead = 1 repairs it$"),
-        (Verdict("may grow", RISES), "no, because it may grow, 1.2x a period at 50 Hz$"),
+        (Verdict("settles", FADES, doubts=(Remark("few counts"),)),
+            f"{YES}; this is not sure: few counts{END}"),
+        (Verdict("grows", RISES, remedy=Remark("learning settles with lead = 1")),
+            "no, because what it learns grows by a factor of 1.2 per period at 50 Hz; learning settles with "
+            "lead = 1$"),
+        (Verdict("may grow", RISES),
+            "no, because what it learns may grow by a factor of 1.2 per period at 50 Hz$"),
         (Verdict("unstable", unstable=SWINGS),
-            "no, because it is unstable with what learning adds at once, at 88 Hz$"),
+            "no, because it is unstable with the feedback that learning adds, at 88 Hz$"),
         (
             Verdict("may be unstable", unstable=SWINGS),
-            "no, because it may be unstable with what learning adds at once, at 88 Hz, where K_t is largest$",
+            "no, because it may be unstable with the feedback that learning adds, at 88 Hz, where K_t is "
+            "largest$",
         ),
-        (Verdict("feedback unstable", unstable=SWINGS, remedy=Remark("kp = 1 steadies it")),
-            "no, because its feedback is unstable, at 88 Hz; kp = 1 steadies it$"),
+        (Verdict("feedback unstable", unstable=SWINGS, remedy=Remark("the feedback is stable with kp = 1")),
+            "no, because its feedback is unstable, at 88 Hz; the feedback is stable with kp = 1$"),
         (Verdict("rests", frozen=("too few samples",)), "it learns nothing; too few samples$"),
         (Verdict("not judged", doubts=(Remark("it snaps"),)), "not judged: it snaps$"),
-        (None, "not judged: it is a law of the study's own$"),
+        (None, "not judged: the law is the study's own code$"),
     ],
 )  # fmt: skip
 def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | None, expected: str) -> None:
@@ -128,7 +132,7 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
     [
         ("yes", "yes", ""),
         ("yes; it learns up to 9 rpm", "yes", "it learns up to 9 rpm"),
-        ("no, because it grows, 1.2x a period", "no", "it grows, 1.2x a period"),
+        ("no, because it grows by a factor of 1.2", "no", "it grows by a factor of 1.2"),
         ("not judged: it snaps", "not judged", "it snaps"),
         ("not worth it: at 5 rpm it leaves 2 rpm", "not worth it", "at 5 rpm it leaves 2 rpm"),
         ("it learns nothing; frozen", "no", "it learns nothing; frozen"),
@@ -147,7 +151,7 @@ def test_a_time_is_told_as_well_as_it_is_known(time: float, words: str) -> None:
 
 
 def test_margins_in_words() -> None:
-    assert margin_words(None) == "not known, since it is a law of the study's own"
+    assert margin_words(None) == "not known: the law is the study's own code"
     assert margin_words(UNSTABLE) == "unstable"
     whole = Margins(True, 628.3185, 1.0471976, 6.5, 6283.185)
     assert margin_words(whole) == "phase 60 deg at 100 Hz, gain 6.50 at 1000 Hz"
@@ -160,9 +164,9 @@ def test_the_answer_of_trials_that_are_certified() -> None:
     study = load("mandra2019")
     assert isinstance(study, TrialStudy)
     found = {block.heading: dict(block.rows) for block in trial_blocks(study, summary(study)).blocks}
-    counts = "the error is at its floor after 3, 7, 3, 10 trials in the scenario's 4 phases"
-    share = r"where at most 2\.07 % of "
-    assert re.match(f"yes, certified; {counts}, {share}", found["ILC, Fig. 1"]["settles"])
+    counts = "the error reaches its floor after 3, 7, 3, 10 trials in the scenario's 4 phases"
+    share = r"at the end of each phase at most 2\.07 % of "
+    assert re.match(f"yes, certified; {counts}; {share}", found["ILC, Fig. 1"]["settles"])
     assert "settles" not in found["no learning"] and "K_3" not in found["no learning"]["gains"]
 
 

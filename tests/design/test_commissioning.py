@@ -73,13 +73,15 @@ def test_the_position_loop_of_a_rule_is_a_quarter_as_fast_as_the_speed_loop(tmp_
     [
         (3.0, K_THETA, None),
         (6.0, K_THETA,
-            "its calibration run in low meets order 24 at 22.9 Hz: the table leaves 0.95 of the ripple; "
-            'speed = "7.5 rpm" would do'),
+            "its calibration run in scenario low turns so fast that order 24 comes at 22.9 Hz: the table "
+            'would leave 0.95 times the ripple; speed = "7.5 rpm" would be enough by calculation'),
         (12.0, K_THETA,
-            "its calibration run in low records 65.4 ms after it turned around, not yet settled: the "
-        "table leaves 1.8 of the ripple; speed = \"7.5 rpm\" would do"),
+            "its calibration run in scenario low records from 65.4 ms after a reversal on, before the rotor "
+            'has settled: the table would leave 1.8 times the ripple; speed = "7.5 rpm" would be enough by '
+            "calculation"),
         (0.7, 2000.0,
-            'its calibration run in low is unstable, at 61.1 Hz; position_gain = "18.8 1/s" would do'),
+            'its calibration run in scenario low is unstable, at 61.1 Hz; position_gain = "18.8 1/s" would '
+            "be enough by calculation"),
     ],
 )  # fmt: skip
 def test_a_run_that_does_not_record_the_cogging_is_told(
@@ -100,7 +102,7 @@ def test_a_loop_without_a_crossover_follows_nothing(tmp_path: Path, kp: float) -
     told = commissioning_warning(study, "t")
     assert told is not None and told.cures == ()
     assert str(told) == (
-        "its calibration run in low records nothing: the speed loop has no crossover, so the rotor "
+        "its calibration run in scenario low records nothing: the speed loop has no crossover, so the rotor "
         "follows no reference"
     )
     with pytest.raises(

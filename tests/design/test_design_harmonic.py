@@ -236,8 +236,8 @@ def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
     assert (
-        "at 15 rpm orders to 432 begin to learn at 4.34 1/s, settle together below 10.3 1/s and converge "
-        "with K_t/J 50 % off (Re Gamma 0.66" in made.in_words()
+        "at 15 rpm orders up to 432 begin to learn at a rate of 4.34 1/s. They settle together at rates "
+        "below 10.3 1/s, and converge if K_t/J is 50 % off (Re Gamma 0.66" in made.in_words()
     )
     assert certificate(here, "harmonic").fine
     as_json = design_dict(made)

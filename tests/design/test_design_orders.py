@@ -97,7 +97,7 @@ def test_too_large_a_gain_is_unstable_although_each_order_alone_would_settle() -
     assert known(small).kind == "settles"
     found = known(large)
     assert found.kind == "unstable" and found.unstable is not None
-    assert found.in_words().endswith('gain = "25 A/rad" repairs it')
+    assert found.in_words().endswith('learning settles with gain = "25 A/rad"')
     trace = simulate(large, "s", "pi-afc").trace
     late = trace.window(2, 3)
     assert np.std(trace["omega_m"][late]) > 5

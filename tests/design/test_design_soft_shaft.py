@@ -86,7 +86,7 @@ def test_the_load_is_seen_through_the_gear(tmp_path: Path) -> None:
 def test_design_tells_where_the_shaft_swings(tmp_path: Path) -> None:
     page = io.StringIO()
     Console(file=page, width=300).print(design_table(studies.study(tmp_path, AXIS)))
-    assert "antiresonance 32.49 Hz, resonance 51.37 Hz" in page.getvalue()
+    assert "antiresonance at 32.49 Hz and a resonance at 51.37 Hz" in page.getvalue()
     assert "gap closed" not in page.getvalue()
     side = {**LOAD_SIDE, "backlash": "0.1 deg"}
     page = io.StringIO()

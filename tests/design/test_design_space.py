@@ -408,49 +408,53 @@ def test_gains_that_meet_everything_are_covered() -> None:
     found = theorem(load("verrelli2016-speed"), "proven")
     assert found is not None
     assert found.holds
-    assert found.verdict().endswith(" of g_d (eta_bar + omega+) / 2 (13.6): the proof holds")
+    assert ", section 3: the proof holds. k = " in found.verdict()
+    assert found.verdict().endswith(" times g_d (eta_bar + omega+) / 2 (13.6)")
     position = theorem(load("verrelli2016-position", {"controller.true-period.k_omega": 40.0}), "true-period")
     assert position is not None
     assert position.holds
     assert position.conditions[0].asks == math.inf  # footnote 6 itself wants k_v
     assert position.verdict() == (
-        "law (6) of Verrelli 2016, section 4: k_omega + v = 40 is 1.2 of what the proof needs (34.3), "
-        "no k_omega + v is enough for what footnote 6 asks, which wants k_v: the proof holds"
+        "law (6) of Verrelli 2016, section 4: the proof holds. k_omega + v = 40 is 1.2 times what the proof "
+        "needs (34.3); no k_omega + v is enough for what footnote 6 asks without k_v"
     )
 
 
-FORGETS = "its Q filter forgets a part of what was learned"
-FOREIGN = "its period, 1/50 of a revolution, isn't one of order 1"
+FORGETS = "its Q filter forgets a part of what it learned"
+FOREIGN = "its period, 1/50 of a revolution, holds no whole number of waves of order 1"
 FROM_REST = {"offset": "1 rad/s", "amplitude": "1 rad/s", "frequency": "0.3 Hz"}
 STEADY = {f"scenario.forty-periods.{key}": "1 rad/s" for key in ("reference", "initial_speed")}
 RISING = {"time_table": {"time": ["0 s", "1 s"], "torque": ["0 N*m", "1 N*m"]}}
 
 
 def in_the_way(name: str, controller: str, changes: dict[str, Any]) -> list[str]:
-    """The reasons with which the verdict ends; `law.` in `changes` stands for the controller's keys."""
+    """The reasons that the verdict has; `law.` in `changes` stands for the controller's keys."""
     long = {key.replace("law.", f"controller.{controller}."): value for key, value in changes.items()}
     found = theorem(load(name, long), controller)
     assert found is not None
     assert not found.holds
-    assert found.verdict().endswith("".join(f"; {reason}" for reason in found.obstacles))
+    covers = f"not covered by the proof, because {'; '.join(found.obstacles)}. "
+    assert (covers if found.obstacles else "not covered by the proof. ") in found.verdict()
     return list(found.obstacles)
 
 
 @pytest.mark.parametrize(
     ("controller", "changes", "reasons"),
     [
-        ("wrong-period", {}, ["its period, 4/5 of a revolution, isn't one of order 1"]),
+        ("wrong-period", {}, ["its period, 4/5 of a revolution, holds no whole number of waves of order 1"]),
         ("true-period", {"law.h_limit": 0.1, "law.beta_limit": 1e-4},
-            ["beta_limit 0.0001 is below the bound 0.00942", "h_limit 0.1 is below the bound 0.345"]),
+            ["beta_limit is 0.0001, less than the bound 0.00942",
+             "h_limit is 0.1, less than the bound 0.345"]),
         ("true-period", {"law.k_omega": 60.0, "law.q_half_width": 400}, [FORGETS]),
-        ("true-period", {"law.k_omega": 60.0, "law.mu_alpha": 0.0}, ["it learns no alpha"]),
-        ("true-period", {"law.mu_h": 0.0}, ["the speed varies without mu_h"]),
-        ("true-period", {"law.mu_h": 0.0, "law.mu_beta": 0.0}, ["the speed varies without mu_beta and mu_h"]),
+        ("true-period", {"law.k_omega": 60.0, "law.mu_alpha": 0.0}, ["it does not learn alpha"]),
+        ("true-period", {"law.mu_h": 0.0}, ["the speed varies, and the law has no mu_h"]),
+        ("true-period", {"law.mu_h": 0.0, "law.mu_beta": 0.0},
+            ["the speed varies, and the law has no mu_beta and no mu_h"]),
         ("true-period", {"law.mu_beta": 0.0, "mechanics.viscous_friction": 0.0}, []),
         ("true-period", {"law.mu_h": 0.0, **STEADY}, []),
         ("true-period", {"law.index": "rotor"}, ["it learns over the rotor's angle"]),
         ("true-period", {"scenario.forty-periods.reference": FROM_REST},
-            ["the reference comes down to 0 rad/s, not above zero"]),
+            ["the reference's least speed is 0 rad/s, not above zero"]),
     ],
 )  # fmt: skip
 def test_what_is_in_the_way_of_the_proof_of_law_6_is_said(
@@ -463,7 +467,7 @@ def test_what_is_in_the_way_of_the_proof_of_law_6_is_said(
 def test_all_that_is_in_the_way_is_said() -> None:
     both = [FOREIGN, FORGETS, "the current loop isn't ideal"]
     assert in_the_way("verrelli2016", "filtered", {}) == both
-    more = ["its integral action stays on", "the speed varies without mu_beta and mu_h"]
+    more = ["its integral action stays on", "the speed varies, and the law has no mu_beta and no mu_h"]
     assert in_the_way("verrelli2016", "filtered-fair", {}) == [*both, *more]
 
 
@@ -487,9 +491,11 @@ def test_several_conditions_that_no_gain_meets_are_a_list() -> None:
     found = theorem(load("verrelli2016-speed", {"controller.learning.eta_bar": "2 rad/s"}), "learning")
     assert found is not None
     assert found.verdict().startswith(
-        "law (4) of Verrelli 2016, section 3: k = 20 is 1.2 of g_d (eta_bar + omega+) / 2 (16.4), no k is "
-        "enough for the printed bound, the corrected bound or the bound with its own limits: not covered "
-        "by the proof; "
+        "law (4) of Verrelli 2016, section 3: not covered by the proof, because "
+    )
+    assert found.verdict().endswith(
+        ". k = 20 is 1.2 times g_d (eta_bar + omega+) / 2 (16.4); no k is enough for the printed bound, the "
+        "corrected bound or the bound with its own limits"
     )
 
 

@@ -200,9 +200,10 @@ def test_two_mass_drive_train() -> None:
     assert error.value.key == "q_filter"
     assert error.value.cures == ({"q_filter": "auto", "shift": "auto"},)
     design = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff="auto", shift="auto"))
-    chosen = f"shift = {design.shift} and {design.gains.cutoff:.3g} Hz are chosen together with K_3"
+    cutoff = f"{design.gains.cutoff:.3g} Hz"
+    chosen = f"shift = {design.shift}, a filter of {cutoff} and K_3 are chosen together. "
     assert str(design.notes[-1]).startswith(chosen) and str(error.value).endswith(
-        f'q_filter = "auto" and shift = "auto" choose {design.gains.cutoff:.3g} Hz and {design.shift}'
+        f'shift = "auto" would choose a filter of {cutoff} and a shift of {design.shift}'
     )
     part = design.certificate.exact
     assert part is not None and part.with_filter is not None and part.without_filter is not None
@@ -549,10 +550,10 @@ def test_a_static_gain_points_where_the_loop_does(
     assert str(error.value) == told
 
 
-FASTEST = "K_3 is chosen by frequency, for the smallest factor a trial"
+FASTEST = "K_3 is chosen by frequency, for the smallest factor from one trial's error to the next"
 
 
-OTHER_SHIFT = "(35) is for a shift of 2"
+OTHER_SHIFT = "Rule (35) is not used, since it is for a shift of 2"
 
 
 FILTERED = f"{FASTEST} with the filter on the learned signal"
@@ -561,13 +562,13 @@ FILTERED = f"{FASTEST} with the filter on the learned signal"
 @pytest.mark.parametrize(
     ("cutoff", "filtered", "worst", "better", "note"),
     [
-        (None, "error", 0.95, None, f"{FASTEST}, 0.95: {OTHER_SHIFT}"),
-        (30.0, "error", 0.8, None, f"{FASTEST}, 0.8: {OTHER_SHIFT}"),
+        (None, "error", 0.95, None, f"{FASTEST}: 0.95. {OTHER_SHIFT}"),
+        (30.0, "error", 0.8, None, f"{FASTEST}: 0.8. {OTHER_SHIFT}"),
         (None, "error", 0.951, None, None),
-        (30.0, "signal", 0.95, None, f"{FILTERED}, 0.95"),
+        (30.0, "signal", 0.95, None, f"{FILTERED}: 0.95"),
         (30.0, "signal", 0.951, None, None),
         (30.0, "signal", 0.8, (0.9, 4, 0.5),
-            f"{FILTERED}, 0.8, or 0.9 with the trial's ends; shift = 4 would make this factor 0.5"),
+            f"{FILTERED}: 0.8, or 0.9 with the trial's ends; with shift = 4 that factor would be 0.5"),
     ],
 )  # fmt: skip
 def test_a_gain_by_frequency_says_how_fast_it_is(

@@ -184,12 +184,12 @@ STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
     ("found", "says"),
     [
         (Verdict("rests", frozen=("too few samples", "no cell")),
-            "rests; frozen: too few samples; frozen: no cell"),
+            "rests; learns nothing at some speeds: too few samples; learns nothing at some speeds: no cell"),
         (Verdict("settles", RISING, ratio=1.25), "settles"),
         (Verdict("settles", RISING, 6.2832, "slow", varies=True, ratio=1.3),
             "settles, but leaves 1.3 times the speed ripple of its feedback alone at 6.28 rad/s in "
             "scenario slow"),
-        (Verdict("may grow", RISING, 6.2832), "may grow, 1.235x a period at 512 Hz"),
+        (Verdict("may grow", RISING, 6.2832), "may grow by a factor of 1.235 per period at 512 Hz"),
         (
             Verdict(
                 "grows",
@@ -197,20 +197,20 @@ STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
                 6.2832,
                 varies=True,
                 mean=Mean(1.0567, 99.6, 200.4, True),
-                remedy=Remark('lead = "0.4 ms" repairs it'),
+                remedy=Remark('learning settles with lead = "0.4 ms"'),
             ),
-            "grows, up to 1.235x a period at 512 Hz at 6.28 rad/s, in the mean 1.06x from 100 to 200 Hz; "
-            'lead = "0.4 ms" repairs it',
+            "grows by a factor of up to 1.235 per period at 512 Hz at 6.28 rad/s, on average 1.06 from 100 "
+            'to 200 Hz; learning settles with lead = "0.4 ms"',
         ),
         (Verdict("unstable", None, 6.2832, varies=True, unstable=GROWING, unit="rpm"),
-            "unstable with what learning adds at once, at 88 Hz at 60 rpm"),
+            "unstable with the feedback that learning adds, at 88 Hz at 60 rpm"),
         (Verdict("may be unstable", unstable=GROWING),
-            "may be unstable with what learning adds at once, at 88 Hz, where K_t is largest"),
-        (Verdict("feedback unstable", unstable=GROWING, remedy=Remark("kp = 1 steadies it")),
-            "feedback unstable, at 88 Hz; kp = 1 steadies it"),
+            "may be unstable with the feedback that learning adds, at 88 Hz, where K_t is largest"),
+        (Verdict("feedback unstable", unstable=GROWING, remedy=Remark("the feedback is stable with kp = 1")),
+            "feedback unstable, at 88 Hz; the feedback is stable with kp = 1"),
         (Verdict("settles", RISING, passing=STOPS, doubts=(Remark("few edges"), Remark("a gap"))),
-            "settles; below 0.51 rad/s, which it passes within 0.35 s, it grows at 88 Hz; "
-            "not sure: few edges, a gap"),
+            "settles; below 0.51 rad/s learning grows at 88 Hz (the reference passes these speeds within "
+            "0.35 s); this is not sure: few edges, a gap"),
         (Verdict("not judged", doubts=(Remark("it snaps"),)), "not judged: it snaps"),
     ],
 )  # fmt: skip
@@ -247,7 +247,7 @@ def test_the_filter_that_is_advised_settles_at_all_speeds(name: str, changes: Ch
     found = known(section_5(changes, name=name), name)
     assert found.repair is not None and found.repair.q_half_width is not None
     width = found.repair.q_half_width
-    assert f"q_half_width = {width} repairs it" in found.in_words()
+    assert f"learning settles with q_half_width = {width}" in found.in_words()
     repaired = known(section_5({**changes, "law.q_half_width": width}, name=name), name)
     assert repaired.kind == "settles"
     if width:
@@ -271,7 +271,7 @@ def test_design_warning_and_report_say_the_same() -> None:
     assert plain["loop_unstable"] and plain["verdict"] == found.in_words() == str(
         warnings(study, "filtered")[0]
     )
-    assert found.in_words().startswith("unstable with what learning adds at once, at 1223 Hz")
+    assert found.in_words().startswith("unstable with the feedback that learning adds, at 1223 Hz")
 
 
 def test_what_learns_nothing_or_has_a_period_of_nothing_is_said() -> None:
@@ -280,9 +280,9 @@ def test_what_learns_nothing_or_has_a_period_of_nothing_is_said() -> None:
     assert str(warnings(section_5({"law.learning_start": "60 s"}), "filtered")[0]) == nothing
     study = load("verrelli2016-position")
     line = str(warnings(study, "wrong-period")[-1])
-    assert line.startswith("its period, 4/5 of a revolution, isn't one of order 1")
+    assert line.startswith("its period, 4/5 of a revolution, holds no whole number of waves of order 1")
     assert line.endswith(
-        ": a disturbance that does not repeat is learned only as far as it stays for a period"
+        ": what does not repeat in a period is learned only as far as it stays the same for a period"
     )
     assert warnings(study, "true-period") == []
     assert warnings(study, "feedback") == []

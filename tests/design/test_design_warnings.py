@@ -36,8 +36,8 @@ def test_a_speed_beyond_the_voltage_is_said_with_the_speed_that_it_reaches():
     """58 rpm/V and 24 V: 1392 rpm."""
     fast = my_motor(**{"scenario.slow.reference": "3000 rpm"}, **FINER)
     line = (
-        "scenario.slow: its reference of 3000 rpm needs more voltage than there is: "
-        "24 V turn this motor at 1392 rpm without load"
+        "scenario.slow: its reference of 3000 rpm needs more than the bus voltage: "
+        "24 V turn this motor at 1392 rpm at most, without load"
     )
     assert beyond_drive(fast, ["slow", "slow"]) == [line]
     assert f"{line}." in [str(text) for text in design_table(fast).renderables]
@@ -60,9 +60,9 @@ def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
     encoder = {"kind": "encoder", "lines": 2500}
     slow = {"scenario.slow.reference": "11 rpm", "drive.position_sensor": encoder}
     line = (
-        "scenario.slow: at 11 rpm 0.46 counts come in a speed sample: most samples read 0, the others 24 "
-        "rpm; "
-        'drive.position_sensor.speed_method = "MT" times the edges'
+        "scenario.slow: at 11 rpm the position sensor gives 0.46 counts per speed sample: most samples read "
+        '0, the others 24 rpm; drive.position_sensor.speed_method = "MT" would time the edges, and leave '
+        "less ripple by calculation"
     )
     assert beyond_drive(my_motor(**slow), ["slow", "slow"]) == [line]
     assert f"{line}." in [str(text) for text in design_table(my_motor(**slow)).renderables]
@@ -79,7 +79,7 @@ def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
     (line,) = notes(other, "harmonic")
     told = (
         "it learns orders 2, 4 to 256, but the cogging has order 21; "
-        "controller.harmonic.base = 21 learns all of it"
+        "with controller.harmonic.base = 21 it would learn all of them"
     )
     assert line == f"controller.harmonic: {told}"
     assert notes(changed(other, {"controller.harmonic.base": 21}), "harmonic") == []
@@ -136,8 +136,8 @@ def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it()
     off = {"drive.position_sensor.eccentricity": "0.3 deg"}
     assert notes(my_motor(**off), "harmonic") == []  # 6, of itself
     told = (
-        "controller.harmonic: base 2 is too low to learn the sensor's error that comes once a turn; "
-        "controller.harmonic.base = 6 learns it"
+        "controller.harmonic: base 2 is too low to learn an error of the position sensor that comes once a "
+        "turn; with controller.harmonic.base = 6 it would learn this"
     )
     small = my_motor(**off, **{"controller.harmonic.base": 2})
     assert notes(small, "harmonic") == [told] and notes(small, "pi") == []
@@ -149,7 +149,7 @@ def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it()
     assert notes(my_motor(**both, **{"controller.harmonic.base": 4}), "harmonic") != []
     there = {"scenario.slow.override": {"drive.position_sensor.error": [{"order": 2, "amplitude": "1 deg"}]}}
     (of_a_scenario,) = notes(my_motor(**there), "harmonic")
-    assert "comes twice a turn; controller.harmonic.base = 6 learns it" in of_a_scenario
+    assert "comes twice a turn; with controller.harmonic.base = 6 it would learn this" in of_a_scenario
 
 
 def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):
@@ -160,8 +160,8 @@ def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):
     path.write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
     table = {"file": "cogging.csv", "frame": "mechanical", "sign": "on-rotor"}
     coarse = load(path, {"motor.cogging_table": table})
-    shows = "the main order is 84, which shows as a lower order"
-    told = f"motor.cogging_table: its 100 points tell orders to 49, {shows}"
+    shows = "the cogging's main order, 84, appears as a lower order"
+    told = f"motor.cogging_table: its 100 points show orders up to 49; {shows}"
     assert coarse_table(coarse) == [told]
     assert f"{told}." in [str(text) for text in design_table(coarse).renderables]
     electrical = load(path, {"motor.cogging_table": table | {"frame": "electrical"}})
@@ -218,11 +218,11 @@ def test_a_soft_shaft_is_told_with_where_it_swings():
     own = soft.mechanics.inertia
     low, high = (math.sqrt(10 * each) / math.tau for each in (1 / 4e-5, 1 / 4e-5 + 1 / own))
     told = (
-        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; tuning rules take "
-        "both masses as one, the margins include the shaft"
+        f"mechanics.load_side: the soft shaft has an antiresonance at {low:.4g} Hz and a resonance at "
+        f"{high:.4g} Hz; the margins include it{{}}, but the tuning rules take motor and load as one mass"
     )
-    assert shaft_notes(soft) == [f"{told}, its gap closed"]
-    assert shaft_notes(changed(soft, {"mechanics.load_side.backlash": "0 deg"})) == [told]
+    assert shaft_notes(soft) == [told.format(" with its gap closed")]
+    assert shaft_notes(changed(soft, {"mechanics.load_side.backlash": "0 deg"})) == [told.format("")]
     assert shaft_notes(my_motor()) == []
 
 
@@ -250,7 +250,7 @@ def test_no_current_limit_is_advised_that_the_voltage_does_not_carry():
     assert carried(heavy, omega) == pytest.approx(carries, rel=0.01)
     (line,) = module.beyond_drive(heavy, ["slow"])
     assert line.cures == () and str(line).endswith(
-        f"; at its top speed 24 V carry {carried(heavy, omega):.3g} A"
+        f"; a bus voltage of 24 V allows {carried(heavy, omega):.3g} A at its top speed"
     )
     u = [star.R_s * carried(heavy, omega) + star.pole_pairs * star.psi_f * omega,
          star.pole_pairs * omega * star.L_q * carried(heavy, omega)]  # fmt: skip

@@ -449,33 +449,35 @@ FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None)
 
 def test_a_certificate_in_one_line() -> None:
     assert FINE.in_words() == (
-        "learns orders 2, 4 to 6; at 10 rpm orders to 6, except 2 from 4 to 6, begin to learn at 5 1/s, "
-        "settle together at any rate and converge with K_t/J 50 % off (Re Gamma 0.66 or more, expected above "
-        "0), orders to 4 converge even with one sample of unknown delay; learns up to 300 rpm"
+        "learns orders 2, 4 to 6; at 10 rpm orders up to 6, except 2 from 4 to 6, begin to learn at a rate "
+        "of 5 1/s. They settle together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or "
+        "more; needed: above 0). With one sample of unknown delay orders up to 4 converge; "
+        "learns up to 300 rpm"
     )
     both = replace(FINE, speeds=(replace(SLOW, held_orders=()), FAST), straight=50 * RPM)
     held = replace(both, learner=replace(TOLD, held=(0.01, 0.02, 0.1, math.tau / 10)))
     assert held.in_words() == (
-        "learns orders 2, 4 to 6; at 10 rpm orders to 6 begin to learn at 5 1/s, settle together at any rate "
-        "and converge with K_t/J 50 % off (Re Gamma 0.66 or more, expected above 0), orders to 4 converge "
-        "even with one sample of unknown delay; at 200 rpm orders to 4, except 2, begin to learn at 5 1/s, "
-        "settle together below 12.3 1/s and may not all converge with K_t/J 50 % off (Re Gamma -0.10 or "
-        "more, expected above 0), orders to 2 converge even with one sample of unknown delay; "
+        "learns orders 2, 4 to 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
+        "together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or more; needed: above 0). "
+        "With one sample of unknown delay orders up to 4 converge; at 200 rpm orders up to 4, except 2, "
+        "begin to learn at a rate of 5 1/s. They settle together at rates below 12.3 1/s, and may not all "
+        "converge if K_t/J is 50 % off (Re Gamma -0.10 or more; needed: above 0). With one sample of unknown "
+        "delay orders up to 2 converge; "
         "learns no order from 1.59 to 3.18 or from 15.9 to 100 Hz; learns up to 300 rpm; "
         "learns an eccentric sensor's error up to 50 rpm"
     )
     slow = replace(FINE, speeds=(replace(SLOW, held_orders=(), slow=(2, 4), swing=0.64),))
     assert slow.in_words() == (
-        "learns orders 2, 4 to 6; at 10 rpm orders to 6 begin to learn at 5 1/s, settle together at any rate "
-        "and converge with K_t/J 50 % off (Re Gamma 0.66 or more, expected above 0), orders to 4 converge "
-        "even with one sample of unknown delay, orders 2 to 4 are too slow to be judged (uncertain: with the "
-        "feedback alone the speed's ripple is 64 % rms); learns up to 300 rpm"
+        "learns orders 2, 4 to 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
+        "together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or more; needed: above 0). "
+        "With one sample of unknown delay orders up to 4 converge. Orders 2 to 4 are too slow to be judged "
+        "(uncertain: with the feedback alone the speed's ripple is 64 % rms); learns up to 300 rpm"
     )
     snaps = replace(SLOW, held_orders=(), slow=(2, 2), snaps="at 10 rpm it snaps")
-    assert ", order 2 is too slow to be judged" in replace(snaps, snaps=None).in_words()
+    assert ". Order 2 is too slow to be judged" in replace(snaps, snaps=None).in_words()
     assert replace(FINE, speeds=(snaps,)).in_words() == "not judged: at 10 rpm it snaps"
     some = replace(FINE, speeds=(snaps, FAST))
-    assert "; not judged at 10 rpm it snaps; at 200 rpm orders to 4" in some.in_words() and not some.fine
+    assert "; not judged: at 10 rpm it snaps; at 200 rpm orders up to 4" in some.in_words() and not some.fine
     assert (
         replace(FINE, speeds=()).in_words()
         == "not judged: all references are too slow: even the phase of order 6 turns by less than 0.001 rad "

@@ -98,7 +98,7 @@ def test_a_current_loop_is_exact_for_a_held_voltage() -> None:
     assert loop.margins().stable and free.margins().stable
     assert weakness(loop.margins()) is None
     assert weakness(UNSTABLE) == "is unstable"
-    assert weakness(Margins(True, 1.0, math.radians(29.94), 2.0, 1.0)) == "has 29.9 deg"
+    assert weakness(Margins(True, 1.0, math.radians(29.94), 2.0, 1.0)) == "has only 29.9 deg"
     assert weakness(Margins(True, 1.0, math.radians(30.01), 2.0, 1.0)) is None
 
 
@@ -108,12 +108,12 @@ def test_axes_that_are_alike_are_one_in_warnings() -> None:
     q = CurrentLoopDesign(gains, weak, weakness(weak))
     assert told_apart({}) == {} and told_apart({"q": q, "d": q}) == {"current loop": q}
     assert loop_warnings({"q": q, "d": q}) == [
-        "drive.current_loop: the current loop is weak: it has 20.0 deg of phase margin"
+        "drive.current_loop: the current loop has only 20.0 deg of phase margin"
     ]
     d = CurrentLoopDesign(gains, UNSTABLE, weakness(UNSTABLE))
     assert loop_warnings({"q": q, "d": d}) == [
-        "drive.current_loop: the current loop, q is weak: it has 20.0 deg of phase margin",
-        "drive.current_loop: the current loop, d is unstable, and every speed loop around it",
+        "drive.current_loop: the current loop, q has only 20.0 deg of phase margin",
+        "drive.current_loop: the current loop, d is unstable, and so is every speed loop around it",
     ]
     other = replace(q, gains={"kp": Gain(2.0, "V/A")})
     assert list(told_apart({"q": q, "d": other})) == ["current loop, q", "current loop, d"]
@@ -170,11 +170,12 @@ def certificate(**changes: object) -> Certificate:
 def test_a_certificate_in_one_line() -> None:
     learner = certificate().learner
     assert certificate().in_words() == (
-        "learns orders 6, 12 to 48; at 60 rpm orders to 42 begin to learn at 2 1/s, settle together below "
-        "5.06 1/s and converge with K_t/J 50 % off (Re Gamma 0.39 or more, expected above 0), orders to 36 "
-        "converge even with one sample of unknown delay; at 600 rpm orders to 12, except 2 from 24 to 30, "
-        "begin to learn at 7 1/s, settle together at any rate and converge with K_t/J 50 % off (Re Gamma "
-        "0.50 or more, expected above 0), orders to 6 converge even with one sample of unknown delay; "
+        "learns orders 6, 12 to 48; at 60 rpm orders up to 42 begin to learn at a rate of 2 1/s. They settle "
+        "together at rates below 5.06 1/s, and converge if K_t/J is 50 % off (Re Gamma 0.39 or more; needed: "
+        "above 0). With one sample of unknown delay orders up to 36 converge; at 600 rpm orders up to 12, "
+        "except 2 from 24 to 30, begin to learn at a rate of 7 1/s. They settle together at any rate, and "
+        "converge if K_t/J is 50 % off (Re Gamma 0.50 or more; needed: above 0). With one sample of unknown "
+        "delay orders up to 6 converge; "
         "learns up to 3000 rpm"
     )
     assert (
@@ -190,16 +191,16 @@ def test_a_certificate_in_one_line() -> None:
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.in_words() == (
-        "learns orders 6, 12 to 48; at 60 rpm orders to 42, except 24, begin to learn at 2 1/s, settle "
-        "together at any rate and converge with K_t/J 50 % off (Re Gamma 0.39 or more, expected above 0), "
-        "orders to 36 converge even with one sample of unknown delay; learns no order from 100 to 200 or "
-        "from 300 to 400 Hz; learns up to 3000 rpm; learns an eccentric sensor's error up to 30 rpm"
+        "learns orders 6, 12 to 48; at 60 rpm orders up to 42, except 24, begin to learn at a rate of 2 1/s. "
+        "They settle together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.39 or more; needed: "
+        "above 0). With one sample of unknown delay orders up to 36 converge; learns no order from 100 to "
+        "200 or from 300 to 400 Hz; learns up to 3000 rpm; learns an eccentric sensor's error up to 30 rpm"
     )
     bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held_orders=(), rate=2.0, most=None)
     turned = certificate(speeds=(bad,)).in_words()
-    assert "any rate and may not all converge with K_t/J 50 % off (Re Gamma 0.00 or more, " in turned
+    assert "any rate, and may not all converge if K_t/J is 50 % off (Re Gamma 0.00 or more; " in turned
     unsure = certificate(speeds=(replace(bad, late=0),)).in_words()
-    assert "the lowest order may not converge with one sample of unknown delay; learns up to" in unsure
+    assert "With one sample of unknown delay the lowest order may not converge; learns up to" in unsure
     good = replace(bad, gamma=0.1)
     for speeds, fine in (
         ((good,), True),

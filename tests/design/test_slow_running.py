@@ -25,16 +25,16 @@ COUNT = 0.02  # rad
     [
         (2.0, False, FIRM, None),  # 100 rad/s times 10 ms are a radian
         (1.0, False, FIRM,
-            "at 1 rad/s an edge comes every 20 ms, the crossover is 15.9 Hz: the rotor coasts from count to "
-            "count"),
+            "at 1 rad/s a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the rotor coasts "
+            "from count to count"),
         (4.0, True, FIRM, None),  # 4.5 ms late, 0.45 of the margin
         (2.5, True, FIRM,
-            "at 2.5 rad/s an edge comes every 8 ms, the crossover is 15.9 Hz: the measured speed is 7.5 "
-            "ms late, which costs 43 deg of the 57 deg of phase margin"),
+            "at 2.5 rad/s a sensor edge comes every 8 ms; the loop's crossover is 15.9 Hz: the measured "
+            "speed is 7.5 ms late, which takes 43 deg of the 57 deg of phase margin"),
         (1.0, True, FIRM,
-            "at 1 rad/s an edge comes every 20 ms, the crossover is 15.9 Hz: the measured speed is 20 ms "
-            "late, which costs 112 deg of the 57 deg of phase margin; where the rotor stops and goes the "
-            "measured speed is too high, by 10 % if every other edge takes twice as long"),
+            "at 1 rad/s a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the measured speed "
+            "is 20 ms late, which takes 112 deg of the 57 deg of phase margin; when the rotor stops and "
+            "goes, the measured speed is too high: by 10 % if every other edge takes twice as long"),
         (1.0, False, UNSTABLE, None),
         (1.0, False, Margins(True, math.nan, math.nan, 3.0, 300.0), None),
         (0.0, False, FIRM, None),
@@ -82,7 +82,8 @@ def test_edges_that_come_too_rarely_for_the_loop(
         scenarios_of=lambda name: [*scenario], scenario=scenario, controller={"x": law}
     )
     found = warnings.slow_warning(study, "x")
-    ways = "; drive.position_sensor.lines = 7 (another sensor) would do" if helps else ""
+    lines = "drive.position_sensor.lines = 7 (another sensor)"
+    ways = f"; {lines} would be enough by calculation" if helps else ""
     assert (None if found is None else str(found)) == (None if said is None else f"{said}{ways}")
     assert said is None or sorted(tried) == pytest.approx([needed, needed])
     for name in ("sampled", "feedback_of"):
@@ -108,7 +109,10 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
     monkeypatch.setattr(warnings, "timed_edges", lambda study: None)
     monkeypatch.setattr(warnings, "helping", lambda *_: ())
     found = warnings.reads_zero(study, "s")
-    line = "at 9.8 rad/s 0.49 counts come in a speed sample: most samples read 0, the others 20 rad/s"
+    line = (
+        "at 9.8 rad/s the position sensor gives 0.49 counts per speed sample: most samples read 0, the "
+        "others 20 rad/s"
+    )
     assert (None if found is None else str(found)) == (line if told else None)
 
 

@@ -659,7 +659,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], expecte
     assert {path.name for path in out.iterdir()} == {"journal.jsonl", "sweep.parquet", "report.html"}
     assert (out / "sweep.parquet").read_bytes() == expected
     lines = said.splitlines()
-    assert lines[0].startswith(f"low: Ripple keeps its limit, of {COUNT} variants: ")
+    assert lines[0].startswith(f"low: Ripple keeps its limit in this share of {COUNT} variants: ")
     assert lines[-2:] == [f"Table: {out / 'sweep.parquet'}", f"Report: {out / 'report.html'}"]
 
 

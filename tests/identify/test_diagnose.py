@@ -151,7 +151,7 @@ def test_the_cause_is_what_is_wrong(wrong, log, order, cause, confidence):
 
 def test_nothing_else_is_blamed():
     made = of("cogging")
-    assert diagnosis.answer(made).startswith("Most of the ripple is cogging, ")
+    assert diagnosis.answer(made).startswith("Most of the ripple is cogging: ")
     for log in made.whole:
         shares = made.causes(log)
         assert sum(shares.values()) == pytest.approx(1, abs=0.02)
@@ -227,7 +227,7 @@ def test_the_command_answers_first_and_writes_a_report(tmp_path):
     ]
     done = CliRunner().invoke(cli.app, arguments)
     assert done.exit_code == 0, done.output
-    assert done.stdout.startswith("Most of the ripple is cogging, ")
+    assert done.stdout.startswith("Most of the ripple is cogging: ")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Most of the ripple is cogging" in page and "src=" not in page
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
@@ -242,12 +242,12 @@ def test_the_command_in_eighty_columns(tmp_path, monkeypatch):
         monkeypatch.setattr("cogless.lines.terminal_columns", lambda *_, columns=columns: columns)
         texts.append(CliRunner().invoke(cli.app, arguments).stdout)
     narrow, wide = texts
-    assert narrow.split() == wide.split() and narrow.startswith("Most of the ripple is cogging, ")
+    assert narrow.split() == wide.split() and narrow.startswith("Most of the ripple is cogging: ")
     assert max(map(len, narrow.splitlines())) <= 80
 
 
 def said_of_k_t(made: Diagnosis) -> str:
-    (said,) = [line for line in made.remarks if line.startswith("The voltage says K_t = 0.0")]
+    (said,) = [line for line in made.remarks if line.startswith("By the voltage, K_t is 0.0")]
     return said
 
 
@@ -275,8 +275,8 @@ def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
     steady = {name: log for name, log in logs.items() if name != "sweep"}
     said = said_of_k_t(diagnose(tmp_path, text.replace('K_t = "0.08', f'K_t = "{K_t}'), steady))
     assert said.endswith(
-        f"{says}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is K_t_rms) or "
-        "kv."
+        f"{says}: all torques are in proportion to K_t; correct motor.K_t, or K_t_rms if it is per rms "
+        "ampere, or kv."
     )
     assert not isinstance(said, Agreement)
 
@@ -287,10 +287,10 @@ def test_the_voltage_tells_a_current_in_rms(tmp_path):
     steady = {name: log for name, log in logs.items() if name != "sweep"}
     rms = {name: {**log, "i_q": log["i_q"] / math.sqrt(2)} for name, log in steady.items()}
     (said,) = [line for line in diagnose(tmp_path, text, rms).remarks if "rms amperes" in line]
-    assert said.startswith("The voltage says R = 7.")
+    assert said.startswith("By the voltage, R is 7.")
     assert said.endswith(
-        "ohm, sqrt(2) times that of the file of columns (5): i_q is in rms amperes, which makes all torques "
-        "sqrt(2) too small, or the winding is 105 K warmer; record i_a and i_b, which decide it."
+        "ohm, sqrt(2) times that of the file of columns (5). Either i_q is in rms amperes, and all torques "
+        "are sqrt(2) times too small, or the winding is 105 K warmer; record i_a and i_b to decide this."
     )
 
 

@@ -150,9 +150,9 @@ def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsa
     [
         (1.0, 0.0, []),
         (1.0, np.radians(59), []),
-        (1.0, np.radians(61), ["72 (4 mN*m) comes out worse than not at all, since the law"]),
-        (2.1, 0.0, ["72 (4 mN*m) comes out worse than not at all, since the law"]),
-        (None, 0.0, ["would not tell the study's cogging of order 72 (4 mN*m)."]),
+        (1.0, np.radians(61), ["72 (4 mN*m), identified from them, would be worse than no value,"]),
+        (2.1, 0.0, ["72 (4 mN*m), identified from them, would be worse than no value,"]),
+        (None, 0.0, ["would not show the study's cogging of order 72 (4 mN*m)."]),
     ],
 )
 def test_a_plan_whose_logs_mislead_says_so(tmp_path, share, turn, said):
@@ -171,7 +171,7 @@ def test_a_plan_whose_logs_mislead_says_so(tmp_path, share, turn, said):
 
 def test_cogging_of_the_order_of_the_pole_pairs_is_left_out_with_a_cure(found):
     name, made = found
-    said = [line for line in made.left_out if "is the pole pairs" in line]
+    said = [line for line in made.left_out if "is the number of pole pairs" in line]
     assert len(said) == (name == "drone")
     assert all("record currents with the bridge off" in line for line in said)
 
@@ -202,5 +202,6 @@ def test_logs_that_cannot_be_played_leave_the_estimate_and_say_so(found, monkeyp
     for key, value in made.values.items():
         assert kept.values[key].value == value.value and kept.values[key].error >= value.error
     assert kept.remarks[-1].startswith(
-        "The logs could not be simulated (no such drive). So the delay is known only to half a period"
+        "The logs could not be simulated (no such drive). Without a simulation the delay is "
+        "known only to half a period"
     )

@@ -442,7 +442,7 @@ def test_a_wrong_k_t_is_the_one_that_the_voltage_says() -> None:
     tables = bench.columns()
     tables["motor"]["K_t"] = "0.06 N*m/A"
     assert inertia_off(said(logs, tables)[1]) > 0.15
-    line, again = mended(logs, tables, "The voltage says K_t")
+    line, again = mended(logs, tables, "By the voltage, K_t is")
     assert line.cures[0].keys() == {"motor.K_t"}
     assert abs(again.K_t / bench.K_T - 1) < 0.02 and inertia_off(again) < 0.03
     by_kv = bench.columns()
@@ -459,7 +459,7 @@ def test_a_k_t_that_is_off_by_little_is_told_and_advises_nothing() -> None:
     logs = of_case("cogging", "slow", "fast", "drives", "brakes", "sweep")
     for log in logs.values():
         log["u_q"] = 1.033 * log["u_q"]
-    (line,) = [line for line in said(logs)[0] if line.startswith("The voltage says K_t")]
+    (line,) = [line for line in said(logs)[0] if line.startswith("By the voltage, K_t is")]
     assert not isinstance(line, Advice) and "it is open which value is right" in line
 
 
@@ -549,7 +549,7 @@ def test_a_signal_that_a_diagnosis_asks_for_tells_the_cause(signal: str, case: s
     assert asked
     made = diagnosed(logs)
     assert not {words(line) for line in asked} & set(map(words, made.remarks))
-    assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}, ")
+    assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}: ")
 
 
 def test_a_third_speed_tells_a_vibration_from_orders_that_meet() -> None:
@@ -576,7 +576,7 @@ def test_an_order_that_grows_with_speed_is_told_by_the_current() -> None:
     grows = [line for line in advice_of(lines) if " grows from " in line]
     assert grows and all(line.cures == ({"record.signal": "i_q"},) for line in grows)
     made = diagnosed(logs)
-    assert diagnosis.answer(made).startswith("Most of the ripple is encoder, ")
+    assert diagnosis.answer(made).startswith("Most of the ripple is encoder: ")
 
 
 def test_a_log_at_a_steady_speed_is_what_a_diagnosis_needs() -> None:

@@ -68,7 +68,7 @@ def test_the_only_cause_has_nine_tenths_of_the_ripple_or_more(
 ) -> None:
     """Other causes are higher orders of the same fault, noise, or not named."""
     made = whole(case)
-    assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}, ")
+    assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}: ")
     told = shares(made)
     assert told[cause] > 0.9
     assert sum(told.values()) == pytest.approx(1, abs=0.02)

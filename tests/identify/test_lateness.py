@@ -126,7 +126,7 @@ def test_another_law_tells_no_delay_and_is_told():
         [log(trace("8e-5 kg*m^2"), 3)], {"one": trace("8e-5 kg*m^2", law="softer")}, BANDWIDTH, 1e-3
     )
     assert made.delay is None
-    assert made.remark.startswith("one: i_q does not follow the angle as under the described controller")
+    assert made.remark.startswith("one: i_q does not follow the angle as the described controller")
 
 
 def of_parts(*told: tuple[list[float], float]) -> Value:
@@ -220,9 +220,9 @@ def test_a_log_of_another_law_is_left_out_and_told_where_no_other_is(monkeypatch
     assert told(monkeypatch, worse, like, unlike)[0] == told(monkeypatch, like)[0]
     none = told(monkeypatch, worse, unlike)[0]
     assert none.delay is None and none.remark == (
-        "log 1: i_q does not follow the angle as under the described controller (11 % differs), so the delay "
-        "is known only to half a period of the law: its gains, or the drive's rates, filter or "
-        "bandwidth, differ from the described ones."
+        "log 1: i_q does not follow the angle as the described controller would make it (11 % differs): its "
+        "gains, or the drive's rates, filter or bandwidth, are not as described. So the delay is known only "
+        "to half a period of the law."
     )
     faint = told(monkeypatch, replace(like, away=like.away / 100))[0].delay  # it tells that all are likely
     assert faint is not None and faint.error == pytest.approx((9.9e-4 + 1e-5) / 2 + BETWEEN)

@@ -193,8 +193,8 @@ def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
     assert u == pytest.approx(15 / math.sqrt(3), rel=1e-4)
     assert low["fast"] == pytest.approx(3 * low["one-speed"], rel=1e-4)
     assert plan.lowered(load(tmp_path / "motor.toml")) == (
-        f"The plan's speeds end at {top * 30 / math.pi:.4g} rpm: at more 15 V are too little for the current "
-        "that friction, cogging and reversals take."
+        f"The plan's speeds end at {top * 30 / math.pi:.4g} rpm: above this speed a bus voltage of 15 V is "
+        "too low for the current that friction, cogging and reversals need."
     )
     (results,) = rollout([load(tmp_path / "study.toml")], ["fast/*"], jobs=1)
     trace = results.runs[0].trace
@@ -238,7 +238,7 @@ def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
     assert str(error.value) == (
         f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 6 V: expected more: cogging stops this rotor "
         f"below {least:.3g} rpm, so the plan needs {3 * least:.3g} rpm, but the voltage reaches only "
-        f"{most:.3g}"
+        f"{most:.3g} rpm"
     )
     assert planned(tmp_path, STEPPER, 6 * 3 * least / most * 1.3)
 

@@ -131,7 +131,12 @@ def test_the_table_cancels_the_cogging(chain):
 
 def test_the_report_says_what_was_found(chain):
     page = (chain / "found/report.html").read_text()
-    for text in ("inertia over K_t", "Measured over simulated", "load-backwards", "predicted by the others"):
+    for text in (
+        "inertia over K_t",
+        "Measured over simulated",
+        "load-backwards",
+        "predicted from the other logs",
+    ):
         assert text in page
     found = json.loads((chain / "found/identified.json").read_text())
     kinds = {"cogging": "Cogging", "torque_constant_ripple": "K_t ripple",

@@ -197,8 +197,8 @@ def test_an_order_of_the_pole_pairs_waits_for_the_bridge_to_be_off(known: Identi
         made = findings.without_nonsense(estimate(known, cogging=both, offsets=offsets), left)
         assert [one.order for one in made.cogging] == orders
         told = (
-            "Order 4 is the pole pairs: cogging and a current offset cannot be told apart; record currents "
-            "with the bridge off."
+            "Order 4 is the number of pole pairs: cogging and a current offset cannot be told apart; record "
+            "currents with the bridge off."
         )
         assert left == [told] * (len(orders) == 1)
 
@@ -234,8 +234,8 @@ def test_a_small_order_beside_a_large_one_may_be_the_encoders(
     assert (
         left
         == [
-            f"Order {order} beside 24: cogging and an encoder's error of order {abs(order - 24)}, "
-            f"{degrees:.2g} deg, cannot be told apart; add a faster log."
+            f"Order {order} near the larger order 24: cogging and an encoder's error of order "
+            f"{abs(order - 24)} ({degrees:.2g} deg) cannot be told apart; add a faster log."
         ]
         * beside
     )
@@ -258,7 +258,8 @@ def test_orders_on_both_sides_of_a_large_one_are_told_once(known: Identification
     both = "cogging and an encoder's error of order 1"
     told = "cannot be told apart; add a faster log."
     assert beside(n23=0.05, n24=0.2, n25=0.08) == (
-        [24], [f"Order 23 and 25 beside 24: {both}, {math.degrees(2 * 0.08 / (24 * 0.2)):.2g} deg, {told}"]
+        [24],
+        [f"Order 23 and 25 near the larger order 24: {both} ({math.degrees(0.16 / 4.8):.2g} deg) {told}"],
     )  # fmt: skip
     orders, left = beside(n23=0.05, n24=0.2, n25=0.19)
     assert orders == [24, 25] and len(left) == 1
@@ -353,7 +354,7 @@ def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) ->
     currents = {"i_a": 0.0, "i_b": 0.0}
     taken = "With the bridge off the phase currents show 0, 0, -0 mA; this is taken out of i_q."
     turned = (
-        "off.csv: only the currents' offsets are from this log: with the bridge off it is not known what "
+        "off.csv: this log gives only the currents' offsets, since with the bridge off it is not known what "
         "turns the rotor; if nothing turns it, give the log the kind coast-down."
     )
     for turns, said in ((0.0, [taken]), (0.99, [taken]), (1.01, [taken, turned])):
@@ -393,8 +394,8 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
     used, (line,) = findings.usable(known, [law, turning(1.0)])
     assert [one.rule for one in used] == [law.rule] and used[0]["i_q"][0] == 0.1  # the plant alone
     assert line == (
-        "one.csv: i_q follows the speed of 0 samples earlier (correlation 1.0000, 0.05 A*s/rad): this is the "
-        "feedback law, and tells little of the motor; add an acceleration log."
+        "one.csv: i_q follows the speed of 0 samples earlier (correlation 1.0000, 0.05 A*s/rad): i_q shows "
+        "the feedback law, and little of the motor; add an acceleration log."
     )
 
 
@@ -503,8 +504,8 @@ def test_an_order_falls_or_grows_with_speed() -> None:
 
     assert said(2.0, 0.5 / 2**0.6) == ["Order 6 falls from 1 to 2 rev/s: a torque makes it, not the encoder."]
     assert said(2.0, 0.5 * 2**0.6) == [
-        "Order 6 grows from 1 to 2 rev/s: the encoder's error, or a torque that the controller holds down "
-        "where it is slow; record i_q."
+        "Order 6 grows from 1 to 2 rev/s: the encoder's error, or a torque whose ripple the controller "
+        "reduces at low speed; record i_q."
     ]
     assert said(2.0, 0.5 / 2**0.4) == said(2.0, 0.5 * 2**0.4) == []
     assert said(1.49, 0.1) == [] and said(1.5, 0.1) != []
@@ -551,7 +552,7 @@ def test_a_diagnosis_is_read_from_the_answer_down() -> None:
     )
     heading = "log                  order  rad/s rms  of all  cause (share of the order), confidence"
     assert diagnosis.answer_lines(made) == [
-        "Most of the ripple is cogging, 73 % of the square of the speed's ripple in 1 of 2 logs.",
+        "Most of the ripple is cogging: 73 % of the ripple's square in 1 of 2 logs.",
         "",
         f"{slow.log} (1 rev/s, 0.1 A): 0.559 rad/s rms: cogging 73 %, no order 19 %, not explained 8 %",
         f"{fast.log} (2 rev/s): 0.4 rad/s rms: encoder or mechanics 50 %, no order 50 %",
@@ -580,12 +581,14 @@ def test_the_answer_has_a_span_where_logs_differ() -> None:
 
     told_apart = order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.6)
     assert told(*told_apart) == (
-        "Most of the ripple is cogging, 60 to 90 % of the square of the speed's ripple in 2 of 2 logs."
+        "Most of the ripple is cogging: 60 to 90 % of the ripple's square in 2 of 2 logs."
     )
-    assert "cogging, 90 % of the square" in told(order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.895))
-    assert told(told_apart[0]).endswith("cogging, 90 % of the square of the speed's ripple in 1 log.")
+    assert "cogging: 90 % of the ripple's square" in told(
+        order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.895)
+    )
+    assert told(told_apart[0]).endswith("cogging: 90 % of the ripple's square in 1 log.")
     unclear = order_at(1, 1.0, Cause("encoder or mechanics", 1.0, 0.4))
-    assert "is encoder or mechanics, which cannot be told apart here, 90 % of" in told(unclear)
+    assert "is encoder or mechanics, which cannot be told apart here: 90 % of" in told(unclear)
     assert told(order_at(6, 1.0, share=0.1)) == (
         "Most of the ripple is of no order of the rotor that these logs can show: vibration, or slow changes "
         "of the speed."
@@ -645,8 +648,8 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
     assert diagnosis._without([poor]) == [
         "one.csv: no angle: orders are from the integral of the speed, and have no place on the rotor; "
         "record the encoder's angle as theta.",
-        "one.csv: no current: causes of one order cannot be told apart, only how it changes with speed; "
-        "record i_q.",
+        "one.csv: no current: it shows how an order changes with the speed, but not which cause the order "
+        "has; record i_q.",
     ]
 
 
@@ -890,7 +893,7 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     assert f"<li>{slow.log}: 0.559 rad/s rms</li>" in page
     more = replace(made, logged={slow.log: 1.0}, uses={"a": "holds the rotor"})
     page = diagnosed.render(more)
-    assert f"<li>{slow.log}: 0.559 rad/s rms, 69 % of the square of the logged speed" in page
+    assert f"<li>{slow.log}: 0.559 rad/s rms, steps and noise are 69 % of the square of the logged 1<" in page
     assert "<li>a: holds the rotor</li>" in page
     assert "Nothing is left out." in diagnosed.render(replace(made, remarks=()))
 
@@ -924,7 +927,7 @@ def test_bars_of_an_estimate_are_as_long_as_the_waves(known: Identification) -> 
     assert cells(page)[3] == ["Value", "with its error"]
     assert cells(page)[4] == ["offset of i_q, or a load", "0.02 +- 0.001 A"]
     empty = identified.render(Identified(estimate(known), {}))
-    assert "Nothing could be told." in empty and "<h2>Orders</h2>" not in empty
+    assert "Nothing could be identified." in empty and "<h2>Orders</h2>" not in empty
 
 
 def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
@@ -965,7 +968,7 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
     assert found.noise["one.csv"] == pytest.approx(0.05 * np.sqrt(np.mean(x**2)), rel=0.1)
     page = identified.render(Identified(estimate(known, logs=tuple(logs), rows=rows, fit=found), {}))
     head, one, two = cells(page.split("What each log contributed")[1])
-    assert head == ["Log", "kind", "rows", "not explained, rms", "error when predicted by the others"]
+    assert head == ["Log", "kind", "rows", "not explained, rms", "error if predicted from the other logs"]
     miss = f"{1e3 * 0.05 * np.std(x):.2g}"
     assert one[:3] == ["one.csv", "not said", "2000"] and one[3].startswith(miss[:1])
     assert (one[4], two[4]) == ("10 % of its current", "9.1 % of its current")

@@ -79,7 +79,7 @@ def test_the_page_has_what_limits_the_best_run_as_it_was_made(capsys, tmp_path, 
     longer = ("--set", "scenario.step.duration=2 s")
     code, _, _ = cogless(capsys, "live", study, *sensor, *longer, *option, "-o", tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert code == 0 and page.count("What limits pi: ") == times
+    assert code == 0 and page.count("What limits pi, which leaves ") == times
 
 
 @needs

@@ -291,7 +291,7 @@ def test_the_page_says_when_the_guard_held_learning_back_in_the_judged_window(ow
         held = trace["status"][rows].astype(int) & Status.GUARDED > 0
         wanted = float(np.sum(held)) * trace.period >= STATE_TIME_LEAST
         text = shown.run("return document.querySelector('#verdicts').innerText")
-        assert ("The guard held its learning back" in text) == wanted
+        assert ("The guard held back its learning" in text) == wanted
 
 
 @in_browser

@@ -249,7 +249,8 @@ def test_it_warns_of_what_design_says_diverges(capsys: pytest.CaptureFixture[str
     code, _, err = cogless(capsys, "pil", "uomodri", *options)
     assert code == 0
     grows = (
-        r'Warning: controller\.pi-ilc: grows, up to .*x a period at .*; gain = ".* A\*s/rad" repairs it\.\n'
+        r"Warning: controller\.pi-ilc: grows by a factor of up to .* per period at .*; "
+        r'learning settles with gain = ".* A\*s/rad"\.\n'
     )
     assert re.fullmatch(grows, err)
 

@@ -115,8 +115,8 @@ def test_a_way_of_another_length_is_seen_in_a_log_of_one_direction(
         with pytest.raises(StudyError) as refused:
             check_duration(run, find_start(run, ramp(axis), axis.wavelength), ramp(axis))
         said = re.fullmatch(
-            r"a.csv: the move takes about (\d\.\d\d) times as long as 200 mm with up to 200 mm/s: "
-            r"expected the --drive-config file of --plan",
+            r"a.csv: the move takes about (\d\.\d\d) times as long as the planned 200 mm with up to 200 "
+            r"mm/s: expected the --drive-config file of --plan",
             str(refused.value),
         )
         assert said is not None and float(said[1]) == pytest.approx(travel / 0.2, abs=0.03)
@@ -172,8 +172,8 @@ def test_teeth_that_are_wrong_by_2_are_one_line(records: Records, tmp_path: Path
     with pytest.raises(StudyError) as refused:
         identified(tmp_path, records, text=FILE.replace("pulley_teeth = 20", "pulley_teeth = 40"))
     assert re.fullmatch(
-        r"\S+forward-probe-1.csv: the probe acts as with an electrical turn half as long as "
-        r'printer.pulley_teeth = 40 and printer.step_angle = "1.8 deg" give: '
+        r"\S+forward-probe-1.csv: the probe acts as if an electrical turn were half as long as "
+        r'with printer.pulley_teeth = 40 and printer.step_angle = "1.8 deg": '
         r'expected printer.pulley_teeth = 20 or printer.step_angle = "0.9 deg"',
         str(refused.value),
     )

@@ -174,7 +174,7 @@ def test_a_stripe_has_its_cause(
 ) -> None:
     code, out, err = cogless(capsys, "stripe", *options)
     assert (code, err) == (0, "") and kind in out.splitlines()[1]
-    assert ("takes it out" in out.splitlines()[1]) == bool(order)
+    assert ("removes it" in out.splitlines()[1]) == bool(order)
 
 
 @pytest.mark.parametrize(

@@ -199,7 +199,7 @@ def test_offsets_of_the_duty_cycles_move_the_rotor_by_the_logged_current(tmp_pat
         np.savez(tmp_path / f"{name}.npz", **signals)
     paths = [tmp_path / f"{name}.npz" for name in (*logs, "off")]
     drive = diagnosis.diagnosed(paths, tmp_path / "id.toml", lambda what, share: None)
-    assert diagnosis.answer(drive).startswith("Most of the ripple is applied current, ")
+    assert diagnosis.answer(drive).startswith("Most of the ripple is applied current: ")
     for name, log in logs.items():
         (largest, *_) = sorted(drive.orders_of(f"{name}.npz"), key=lambda each: -each.share)
         assert (largest.order, largest.confidence) == (4, "sure") and largest.share > 0.95
@@ -308,9 +308,7 @@ def test_a_magnet_beside_the_axis_is_learned_in_a_run_that_lasts_long_enough(tmp
     assert max(remaining(results, drive, limiting)) < 0.1
     table = {"drive.encoder_table": limiting.setting.changes["drive.encoder_table"]}
     (remark,) = too_short(changed(drive, table), [("slow", "pi")])
-    assert remark.startswith(
-        "drive.encoder_table: learns nothing in slow: its observer settles in 2.55 s or more"
-    )
+    assert remark.startswith("drive.encoder_table: learns nothing in slow: its observer needs 2.55 s or more")
     assert value(changed(drive, table), limiting) == 1  # in vain, as is said
     assert not too_short(changed(drive, limiting.setting.changes), [("slow", "pi")])
     exact = {"drive.position_sensor.eccentricity": "0 deg", "drive.position_sensor.error": []}
@@ -419,7 +417,7 @@ def test_a_speed_by_counts_jumps_between_nothing_and_a_count(tmp_path: Path) -> 
     """
     drive = study(tmp_path, SMALL, SPINDLE)
     (remark,) = beyond_drive(drive, ["slow"])
-    assert "0.4 counts come in a speed sample: most samples read 0, the others 150 rpm" in str(remark)
+    assert "0.4 counts per speed sample: most samples read 0, the others 150 rpm" in str(remark)
     results, limiting = limited(drive)
     shown = results.runs[0].trace.part("omega_measured", slice(1000, None))
     count = math.tau / 400 / 1e-3
@@ -468,7 +466,8 @@ def test_gains_of_a_current_loop_for_another_motor_are_heard_at_idle(tmp_path: P
     assert noise(cured) < noise(changed(drive, by_hand)) < 0.15 * loud
     rule = {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}
     with pytest.raises(
-        StudyError, match=r"its q axis is unstable; kp = .0.188 V/A. and ki = .18.8 V/A/s. would do"
+        StudyError,
+        match=r"its q axis is unstable; kp = .0.188 V/A. and ki = .18.8 V/A/s. would be enough",
     ):
         run(changed(drive, {"controller.pi": rule}))
 
@@ -617,7 +616,7 @@ def mean_and_ripple(of: Study) -> tuple[float, float]:
 
 
 def pi_remark(of: Study) -> Remark:
-    return next(each for each in warnings(of, "slow", "pi") if "an edge comes every" in str(each))
+    return next(each for each in warnings(of, "slow", "pi") if "edge comes every" in str(each))
 
 
 def test_hall_bursts_need_less_gain_and_an_integral_that_starts_the_rotor(tmp_path: Path) -> None:

@@ -176,9 +176,9 @@ def test_hall_edges_come_later_than_the_loop_from_rest_can_wait(tmp_path: Path) 
     current, the answer wants a better position. Each edge is a sixth of an electrical turn, and the speed
     over six of them is far too late for a quick PI."""
     study = problem(tmp_path, VELINEON)
-    remark = designed(study, "an edge comes every")
+    remark = designed(study, "edge comes every")
     # 2 pole pairs have 12 edges a turn, and 500 r/min are 8.33 turns a second
-    assert "every 10 ms and the speed is the mean over 6 such intervals" in str(remark)
+    assert "every 10 ms, and the speed is the mean over 6 such intervals" in str(remark)
     assert "no controller holds the speed" in headline(study)
     helps(study, remark, 0.05)
     assert speed_error(study, {"drive.current_loop.current_limit": "120 A"}) > 0.5  # not the current
@@ -211,7 +211,7 @@ def test_a_wheel_that_waits_for_hall_edges_has_no_cure_in_its_gains(tmp_path: Pa
     """EFeru/hoverboard-firmware-hack-FOC#20: at 1 to 7 r/min a hub motor pauses between steps; the maintainer
     says that its Hall sensors can't do better. At 5 r/min no gains are advised, as none hold the speed."""
     study = problem(tmp_path, HUB)
-    remark = designed(study, "an edge comes every")
+    remark = designed(study, "edge comes every")
     assert "every 1.3e+02 ms" in str(remark) and not remark.cures
     turning = simulate(study, "x", "pi").trace["omega_m"]
     assert np.mean(np.abs(turning) < 0.01) > 0.3  # it pauses
@@ -220,7 +220,7 @@ def test_a_wheel_that_waits_for_hall_edges_has_no_cure_in_its_gains(tmp_path: Pa
             gains = {"controller.pi.kp": f"{kp} A*s/rad", "controller.pi.ki": f"{ki} A/rad"}
             assert speed_error(study, {**gains, "drive.position_sensor.edges": edges}) > 0.7
     faster = changed(study, {"scenario.x.reference": "10 rpm", "scenario.x.duration": "12 s"})
-    helps(faster, designed(faster, "an edge comes every"), 0.5)
+    helps(faster, designed(faster, "edge comes every"), 0.5)
     encoder = {"drive.position_sensor": {"kind": "absolute", "bits": 14}, "controller.pi.ki": "8 A/rad"}
     assert speed_error(study, encoder) < 0.5
 
@@ -230,7 +230,7 @@ def test_a_stepper_at_half_a_turn_a_minute_snaps_by_its_detent(tmp_path: Path) -
     detent pulls faster than the loop: more counts don't help, less detent or more speed does."""
     study = problem(tmp_path, NEMA)
     remark = designed(study, "stops and snaps")
-    assert "most of it by order 200, whose detents swing the rotor at 137 Hz" in str(remark)
+    assert "most of it of order 200, in whose detents the rotor swings at 137 Hz" in str(remark)
     helps(study, remark, 0.1)
     before = speed_error(study)
     assert before > 5
@@ -268,7 +268,7 @@ def test_a_gimbal_jumps_below_the_speed_that_its_gains_carry(tmp_path: Path) -> 
     and to filter the speed more. The gains help, the filter takes their margin away."""
     study = problem(tmp_path, GIMBAL)
     remark = designed(study, "stops and snaps")
-    assert "most of it by order 84" in str(remark)
+    assert "most of it of order 84" in str(remark)
     helps(study, remark, 0.3)
     results, tried = limited(study)
     assert results.limits["x"].named[0].name == "disturbance"
@@ -291,7 +291,7 @@ def test_a_limit_below_the_cogging_holds_the_rotor(tmp_path: Path) -> None:
     remark = designed(study, "current_limit")
     star = study.motor.star()
     needs = (8e-3 + 4e-3 + 3e-3) / star.K_t  # amplitudes of both orders, and friction
-    assert (remark.cures and "to turn evenly" in str(remark)) or "its motion and load" in str(remark)
+    assert (remark.cures and "an even speed needs" in str(remark)) or "its motion and load" in str(remark)
     (cure,) = remark.cures
     assert float(cure["drive.current_loop.current_limit"].split()[0]) == pytest.approx(1.1 * needs, rel=0.1)
     assert "mean 0 of" in headline(study)
@@ -314,7 +314,7 @@ def test_fewer_than_twenty_samples_in_an_electrical_turn_break_the_current_loop(
     its maximum; with less than 20 steps of the loop in an electrical turn it gets bad. The cure was a faster
     loop."""
     study = problem(tmp_path, MAD5010)
-    remark = designed(study, "samples in an electrical turn")
+    remark = designed(study, "an electrical turn has only")
     helps(study, remark, 0.2)
     assert {"drive.rates.current_loop": "4 kHz"} in remark.cures
     trace = simulate(study, "x", "pi").trace
@@ -328,8 +328,8 @@ def test_a_calibration_that_sticks_needs_gains_stiffer_than_its_detents(tmp_path
     fro at one place for ever, at vel_gain 3e-4 and vel_integrator_gain 2e-3 A/(count/s) and A/count; higher
     gains were the cure."""
     study = problem(tmp_path, SK3)
-    remark = designed(study, "calibration run in x records nothing", "map")
-    assert "most of it by order 84, whose detents swing the rotor at 18.8 Hz" in str(remark)
+    remark = designed(study, "calibration run in scenario x records nothing", "map")
+    assert "most of it of order 84, in whose detents the rotor swings at 18.8 Hz" in str(remark)
     helps(study, remark, 0.4, "map")
     per_rad = 8192 / (2 * np.pi)
     of_thread = {

@@ -217,14 +217,14 @@ def test_a_ratio_is_of_what_has_a_direction_and_one_sign():
 def test_the_guard_is_told_once_for_all_metrics_of_a_controller(made):
     """The first metric is named, the others are not; each controller has its own time."""
     one, two, three = (replace(line(), name=name, guarded={"pi-ilc": when}) for name, when in (
-        ("ripple", "3.5 to 5.1 s"), ("loss", "1 to 2 s"), ("dip", "1 to 2 s")))  # fmt: skip
+        ("ripple", "from 3.5 to 5.1 s"), ("loss", "from 1 to 2 s"), ("dip", "from 1 to 2 s")))  # fmt: skip
     said = (
-        "the guard held the learning of PI-ILC back, 3.5 to 5.1 s, where it is frozen, gentler or without "
-        "effect: its ripple is in part from this time"
+        "the guard held back the learning of PI-ILC from 3.5 to 5.1 s (frozen, gentler or without effect): "
+        "a part of its ripple is from this time"
     )
     assert held_back(made.study, [one]) == held_back(made.study, [one, two, three]) == [said]
-    other = replace(two, guarded={"fair-pi": "1 to 2 s"})
-    assert [text.split(" back,")[0].split(" of ")[1] for text in held_back(made.study, [one, other])] == [
+    other = replace(two, guarded={"fair-pi": "from 1 to 2 s"})
+    assert [text.split(" from ")[0].split(" of ")[1] for text in held_back(made.study, [one, other])] == [
         "PI-ILC", "PI re-tuned",
     ]  # fmt: skip
 
@@ -232,8 +232,8 @@ def test_the_guard_is_told_once_for_all_metrics_of_a_controller(made):
 @pytest.mark.parametrize(
     ("spans", "when"),
     [
-        ([(3.5, 3.6), (5.0, 5.125)], "3.5 to 5.12 s"),
-        ([(0.0, 0.1)], "0 to 0.1 s"),
+        ([(3.5, 3.6), (5.0, 5.125)], "from 3.5 to 5.12 s"),
+        ([(0.0, 0.1)], "from 0 to 0.1 s"),
         ([(0.0, 0.099)], ""),
         ([], ""),
     ],
@@ -248,12 +248,12 @@ def test_the_guard_is_told_of_a_tenth_of_a_second_or_more(made, monkeypatch, spa
 def test_a_guard_that_held_learning_back_in_a_whole_window_is_told_so(made, monkeypatch):
     low = {run.controller: run for run in made.runs if run.scenario == "low-speed"}["pi-ilc"]
     end = float(low.trace.time[-1])
-    for since, when in ((0.0, "throughout"), (0.1 * end, f"{0.1 * end:.3g} to {end:.3g} s")):
+    for since, when in ((0.0, "throughout"), (0.1 * end, f"from {0.1 * end:.3g} to {end:.3g} s")):
         monkeypatch.setattr(comparison, "spans", lambda *_, since=since: [(since, end)])
         assert comparison.guarded(made, low, slice(None)) == when
     text = (
-        "the guard held the learning of PI-ILC back, throughout, where it is frozen, gentler or without "
-        "effect: its ripple is all from this time"
+        "the guard held back the learning of PI-ILC throughout (frozen, gentler or without effect): all of "
+        "its ripple is from this time"
     )
     assert held_back(made.study, [replace(line(), name="ripple", guarded={"pi-ilc": "throughout"})]) == [text]
 
@@ -295,12 +295,12 @@ def test_verdict_leads_with_the_whole_ripple(made):
     )
     details = " ".join(low.details)
     assert (
-        "Of the strongest order, 6 (electrical): PI-ILC 0.461 rpm, PI re-tuned 1.90 rpm and PI as" in details
+        "In the strongest order, 6 (electrical): PI-ILC 0.461 rpm, PI re-tuned 1.90 rpm and PI as" in details
     )
     assert "3.29 times less than the best without learning, PI re-tuned (5.17 rpm)" in details
     assert step.tone == "even"  # the winner there doesn't learn
-    assert "PI re-tuned doesn't learn; the best that learns is PI-ILC" in " ".join(step.details)
-    assert "In settling, PI as published and PI re-tuned never settled." in step.details
+    assert "PI re-tuned doesn't learn; the best controller that learns is PI-ILC" in " ".join(step.details)
+    assert "PI as published and PI re-tuned never settled (metric: settling)." in step.details
 
 
 def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(made):
@@ -312,13 +312,13 @@ def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(ma
         "At 60 rpm, PI-ILC leaves 0.461 rpm of speed order 6 (electrical), "
         "10.4 times less than PI as published (4.80 rpm)."
     )
-    assert "Of the strongest order" not in " ".join(low.details)
+    assert "In the strongest order" not in " ".join(low.details)
 
 
 def test_the_strongest_order_is_that_of_the_worst_where_the_baseline_has_no_number(made):
     winner = {"speed_orders_rad_s": [0.06, 0.006, 0.048]}
     low = verdicts(with_metrics(made, pi={"speed_ripple_rad_s": np.nan}, pi_ilc=winner))[0]
-    assert "Of the strongest order, 6 (electrical): PI-ILC 0.458 rpm and PI re-tuned 1.90 rpm." in low.details
+    assert "In the strongest order, 6 (electrical): PI-ILC 0.458 rpm and PI re-tuned 1.90 rpm." in low.details
 
 
 @pytest.mark.parametrize(
@@ -347,7 +347,7 @@ def test_verdict_names_the_costs(made):
         made, pi_ilc={"copper_loss_W": 1.03 * pi["copper_loss_W"], "chattering_A": 4.1 * pi["chattering_A"]}
     )
     details = " ".join(verdicts(costly)[0].details)
-    assert "PI-ILC costs +3 % copper loss (" in details
+    assert "PI-ILC has 3 % more copper loss (" in details
     assert "and 4.10 times the chattering (" in details
     assert "None of the" not in details
 
@@ -385,7 +385,7 @@ def test_a_controller_that_stalls_wins_nothing(made):
     low, step = verdicts(stalled)
     assert low.headline.startswith("At 60 rpm, PI re-tuned leaves 5.17 rpm of speed ripple, 2.28 times less")
     assert "PI-ILC did not hold the speed in speed ripple, 8 to 10 s: mean 0 of 60 rpm." in low.details
-    assert step.headline.startswith("At 60 rpm, PI re-tuned is thrown off by")
+    assert step.headline.startswith("At 60 rpm, PI re-tuned deviates by up to")
     page = render(stalled)
     assert page.count("PI-ILC did not hold the speed in ") == 6  # verdicts, tables, those of jitter
     assert 'class="missed"><span class="value">0 rpm</span></td>' in page
@@ -406,7 +406,7 @@ def test_verdict_when_the_baseline_or_everybody_stalls(made):
         "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
         "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
     )
-    assert "The others: PI re-tuned 5.17 rpm." in low.details
+    assert "The other controller: PI re-tuned 5.17 rpm." in low.details
     low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}))[0]
     assert low.tone == "worse"
     assert low.headline == (
@@ -458,7 +458,7 @@ def test_the_whole_error_goes_before_an_order(made):
     )
     low = verdicts(ripple_of(made, order, RMS + 'last = "2 s"'))[0]
     assert "of speed error" in low.headline
-    assert "Of the strongest order, 6 (electrical): PI-ILC" in " ".join(low.details)
+    assert "In the strongest order, 6 (electrical): PI-ILC" in " ".join(low.details)
 
 
 def test_of_several_windows_the_last_counts(made):
@@ -770,7 +770,7 @@ def test_every_section_has_its_note(page):
     ]
     notes += [order_charts.TRACKING_NOTE, order_charts.WATERFALL_NOTE]
     assert [text for text in notes if escape(text) not in page] == []
-    assert "RMS of each term of the current reference late in low-speed. The varying part is" in page
+    assert "RMS of each term of the current reference late in scenario low-speed. The varying part is" in page
 
 
 def test_settings_are_those_of_the_file(made):

@@ -388,7 +388,7 @@ def test_trials_that_a_logarithmic_axis_cannot_show_are_told(results):
     values = {"a": np.array([1.0, 0.0, 100.0]), "b": np.array([0.0, 0.0, np.inf, np.nan]), "c": None}
     chart = to_page(trials._chart(results, "Title", "RMS", "mrad", runs, values))
     assert chart["note"] == (
-        "Not on a logarithmic axis: a, 1 trial at zero; b, 2 trials at zero; b, 2 trials not finite."
+        "The logarithmic axis cannot show: a, 1 trial at zero; b, 2 trials at zero; b, 2 trials not finite."
     )
     assert [series["controller"] for series in chart["series"]] == [0, 1]
     assert markup.unpack(chart["series"][0]["values"])[[0, 2]] == pytest.approx([0, 2], abs=1e-4)

@@ -12,7 +12,7 @@ from cogless.design.answers import doubt
 from cogless.run.simulate import run_study
 from cogless.study import Study, changed
 
-SENTENCE = "Harmonic may leave more in another run, such as with --set seed=1: "
+SENTENCE = "In another run, such as with --set seed=1, Harmonic may leave more: "
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 def test_another_run_of_a_doubted_law_ends_otherwise_and_the_verdict_says_so(coarse: Study) -> None:
     why = doubt(coarse, "harmonic")
-    assert why.startswith("at 60 rpm the position sensor's steps make ")
+    assert why.startswith("at 60 rpm the position sensor's steps cause ")
     results = run_study(coarse)
     verdict = report.verdict(results, "slow")
     assert verdict is not None and verdict.doubts == [f"{SENTENCE}{why}."]

@@ -16,8 +16,8 @@ RPM = np.pi / 30
 FAULT = Fault(2.0, 2.5, ("sensor stuck",))
 USUAL = Response(FAULT, (), None, 0.0, None, 0.0, (1.0, 1.99), (3.0, 3.99), RPM, RPM, 2 * RPM, 2.0, 4.0)
 
-USUALLY, MORE = "Afterwards the ripple is about what it was", "Afterwards there is more ripple"
-BEYOND = "The current is beyond its limit: pi"
+USUALLY, MORE = "Afterwards the ripple is about as before", "Afterwards there is more ripple"
+BEYOND = "The current exceeds its limit: pi"
 
 
 def run_of(*found, name="pi", speed=60.0, late=None):
@@ -44,7 +44,7 @@ def at(time, *words):
 def test_up_to_three_faults_are_told_and_the_others_are_counted(told):
     one = room.account(told, [run_of(USUAL)])
     assert (one.scenario, one.headline) == (
-        "faulty", "2 s: sensor stuck for 0.5 s. Afterwards the ripple is about what it was."
+        "faulty", "2 s: sensor stuck for 0.5 s. Afterwards the ripple is about as before."
     )  # fmt: skip
     assert [(part.heading, len(part.sentences)) for part in one.paragraphs] == [("", 1)]
     many = [at(0.5, "a"), at(1.5, "b", "c"), at(2.5), at(3.5), at(4.5)]
@@ -68,9 +68,9 @@ def test_up_to_three_faults_are_told_and_the_others_are_counted(told):
     [
         ([{}], "better", f"{USUALLY}."),
         ([{"largest_current": 4.2}], "better", f"{USUALLY}."),
-        ([{"largest_current": 4.21}], "worse", f"{BEYOND} 4.21 A of 4 A."),
-        ([{"largest_current": 5.0}, {"largest_current": 1.0}], "worse", f"{BEYOND} 5.00 A of 4 A."),
-        ([{"largest_current": nan}], "worse", f"{BEYOND} no number of 4 A."),
+        ([{"largest_current": 4.21}], "worse", f"{BEYOND} 4.21 A (limit 4 A)."),
+        ([{"largest_current": 5.0}, {"largest_current": 1.0}], "worse", f"{BEYOND} 5.00 A (limit 4 A)."),
+        ([{"largest_current": nan}], "worse", f"{BEYOND} no number (limit 4 A)."),
         ([{"largest_current": None}, {}], "better", f"{USUALLY}."),
         ([{"ripple_after": 1.25 * RPM}], "better", f"{USUALLY}."),
         ([{"ripple_after": 1.26 * RPM}, {}], "even", f"{MORE} than before: pi 1.26 times."),
@@ -79,7 +79,7 @@ def test_up_to_three_faults_are_told_and_the_others_are_counted(told):
         (
             [{"largest_current": 5.0, "ripple_after": 2 * RPM}],
             "worse",
-            f"{BEYOND} 5.00 A of 4 A. {MORE} than before: pi 2.00 times.",
+            f"{BEYOND} 5.00 A (limit 4 A). {MORE} than before: pi 2.00 times.",
         ),
     ],
 )
@@ -103,7 +103,7 @@ def test_a_speed_that_is_lost_is_told_of_each_controller_and_its_ripple_is_not(t
 def test_the_ripple_is_compared_with_that_of_a_run_without_the_fault_if_there_is_one(told, monkeypatch):
     monkeypatch.setattr(room, "_twin", lambda *_: SimpleNamespace(trace=None))
     monkeypatch.setattr(room, "ripple", lambda trace, span: 2 * RPM if span == USUAL.after else None)
-    about = "Afterwards the ripple is about what it is without the fault."
+    about = "Afterwards the ripple is about as without the fault."
     assert room._outcome(told, [run_of(replace(USUAL, ripple_after=2.4 * RPM))]) == ("better", about)
     more = "Afterwards there is more ripple than without the fault: pi 1.50 times."
     assert room._outcome(told, [run_of(replace(USUAL, ripple_after=3 * RPM))]) == ("even", more)

@@ -72,7 +72,7 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
     found = verdict_on(made)
     assert found.headline == (
         "0.3 s: position sensor gives no number for 20 ms. "
-        "Afterwards the ripple is about what it is without the fault."
+        "Afterwards the ripple is about as without the fault."
     )
     (told,) = found.paragraphs
     said = dict(told.sentences)
@@ -82,7 +82,7 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
     assert re.search(
         r"speed off by up to [\d.]+ rpm; ripple .* before, .* after, .* without the fault", sentence
     )
-    assert re.search(r"largest current [\d.]+ A of 3 A\.$", sentence)
+    assert re.search(r"largest current [\d.]+ A \(limit 3 A\)\.$", sentence)
     assert "learning" not in sentence  # a PI doesn't
     assert found.details[0].startswith("At 600 rpm, ")  # the comparison follows
 
@@ -95,7 +95,7 @@ def test_nothing_broken_nothing_said(made):
 
 def test_without_a_like_scenario_the_ripple_before_is_the_measure(made):
     alone = without_twin(made)
-    assert verdict_on(alone).headline.endswith("Afterwards the ripple is about what it was.")
+    assert verdict_on(alone).headline.endswith("Afterwards the ripple is about as before.")
     assert "without the fault" not in dict(verdict_on(alone).paragraphs[0].sentences)["pi"]
     usual = alone.runs[0].faults[0].ripple_before
     assert (
@@ -146,7 +146,7 @@ def test_many_faults(many):
         ({"largest_error": np.inf}, "speed off by up to not finite rpm"),
         ({"noticed_after": None}, "no check trips"),
         ({"noticed_after": 0.08, "noticed": ("stuck", "speed")}, "check trips after 80 ms (stuck, speed)"),
-        ({"largest_current": 2.5}, "largest current 2.50 A of 3 A."),
+        ({"largest_current": 2.5}, "largest current 2.50 A (limit 3 A)."),
     ],
 )
 def test_the_response_in_words(made, values, says):

@@ -65,8 +65,8 @@ def told(results, *arguments, **keys):
 def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results):
     with_them = replace(results, limits={"turn": limits([("sensor-steps", 1.0)])})
     (verdict,) = verdicts(with_them)
-    would = "instead of 10.0 rpm it would leave 1.00 rpm without the position sensor's steps"
-    sentence = f"What limits “PI, high”: {would}."
+    left = "further runs left 1.00 rpm without the position sensor's steps"
+    sentence = f"What limits “PI, high”, which leaves 10.0 rpm: {left}."
     assert verdict.details[0] == sentence and sentence not in verdicts(results)[0].details
     page = render(with_them)
     assert page.index(verdict.headline.split(",")[0]) < page.index("What limits") < page.index("<h2>Numbers")
@@ -77,11 +77,11 @@ def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results
     ("causes", "words"),
     [
         ([("delay", 9.8), ("friction", 11.0)], ""),  # 4 % and less than nothing
-        ([("dead-time", 7.0), ("current-noise", 8.0)], "leave 7.00 rpm without dead time and 8.00 rpm"),
+        ([("dead-time", 7.0), ("current-noise", 8.0)], "left 7.00 rpm without dead time and 8.00 rpm"),
         ([("sensor-steps", 3.0), ("sensor-error", 3.0)], "without the position sensor's steps and 3.00 rpm"),
         (
             [("disturbance", 1.0), ("learning-time", 1.5)],
-            "What limits “PI, high”: instead of 10.0 rpm it would leave 1.50 rpm in a longer run.",
+            "What limits “PI, high”, which leaves 10.0 rpm: further runs left 1.50 rpm in a longer run.",
         ),
         ([("disturbance", 1.0), ("delay", 8.0)], "1.00 rpm without any torque ripple"),
     ],
@@ -94,8 +94,8 @@ def test_causes_with_a_clear_share_are_named(results, causes, words):
 def test_two_causes_of_which_each_covers_the_other_are_named_as_a_pair(results):
     pair = [("sensor-steps + disturbance", 2.0), ("delay", 9.4), ("sensor-steps + delay", 9.0)]
     assert told(results, pair) == (
-        "What limits “PI, high”: instead of 10.0 rpm it would leave 2.00 rpm without both the position "
-        "sensor's steps and torque ripple."
+        "What limits “PI, high”, which leaves 10.0 rpm: further runs left 2.00 rpm both without the position "
+        "sensor's steps and without any torque ripple."
     )
 
 
@@ -111,23 +111,23 @@ def test_the_best_setting_is_told_and_a_part_only_if_it_leaves_clearly_less(resu
     observed = f'{key}.speed_method = "observer" and {key}.observer_bandwidth = "50 Hz"'
     table = f"{observed} and without {key}.window"
     assert told(results, cause, [(bits, 1.0, False), (observer, 4.0, True)]).endswith(
-        f"Tried as a setting: with {table} it leaves 4.00 rpm. "
-        "Tried as other hardware: with drive.position_sensor.bits = 14 (AS5047P, AS5048A, MT6701) "
-        "it leaves 1.00 rpm."
+        f"A setting that was tried: {table} left 4.00 rpm. "
+        "Other hardware that was tried: drive.position_sensor.bits = 14 (AS5047P, AS5048A, MT6701) "
+        "left 1.00 rpm."
     )
     many = told(results, cause, [({"drive.position_sensor.bits": 20}, 1.0, False)])
-    assert "bits = 20 (more than any chip that `cogless new` knows) it leaves 1.00 rpm." in many
+    assert "bits = 20 (more than any chip that `cogless new` knows) left 1.00 rpm." in many
     assert "bits" not in told(results, cause, [(bits, 3.9, False), (observer, 4.0, True)])
-    assert "Tried" not in told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
+    assert "tried" not in told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
 
 
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        (10.0, 0.5, "it leaves 4.00 rpm. pi then leaves 0.500 rpm instead of 10.0 rpm."),
-        (None, 0.5, "it leaves 4.00 rpm. pi then leaves 0.500 rpm instead of not holding the speed."),
-        (10.0, None, "it leaves 4.00 rpm. pi then does not hold the speed."),
-        (None, None, "it leaves 4.00 rpm."),
+        (10.0, 0.5, "left 4.00 rpm. pi then left 0.500 rpm instead of 10.0 rpm."),
+        (None, 0.5, "left 4.00 rpm. pi then left 0.500 rpm instead of not holding the speed."),
+        (10.0, None, "left 4.00 rpm. pi then did not hold the speed."),
+        (None, None, "left 4.00 rpm."),
     ],
 )
 def test_the_effect_on_the_law_that_learns_is_told_beside_that_on_the_best(results, before, after, words):
@@ -148,14 +148,14 @@ def test_edges_are_timed_only_by_a_drive_that_can(results):
     timed = told(
         results, [("sensor-steps", 1.0)], [({"drive.position_sensor.speed_method": "MT"}, 1.0, True)]
     )
-    assert 'speed_method = "MT" (if the drive can time edges) it leaves 1.00 rpm.' in timed
+    assert 'speed_method = "MT" (if the drive can time edges) left 1.00 rpm.' in timed
 
 
 def test_what_a_change_costs_is_told(results):
     made = limits([("sensor-steps", 1.0)], [({"drive.position_sensor.bits": 14}, 1.0, False)])
     costly = replace(made, cures=[replace(made.cures[0], costs={"dip_rad_s": 2.0, "loss_W": 1.6})])
     sentence = str(limit(replace(results, limits={"turn": costly}), "turn"))
-    assert sentence.endswith("it leaves 1.00 rpm, but 2.00 times the dip_rad_s.")
+    assert sentence.endswith("left 1.00 rpm, but 2.00 times the dip_rad_s.")
 
 
 @pytest.mark.parametrize(

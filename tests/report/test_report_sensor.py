@@ -103,7 +103,7 @@ def test_laws_that_follow_a_sensor_leave_its_error(made):
         assert part.seen.values[one.controller] == pytest.approx(np.rad2deg(seen), rel=1e-6)
     (found,) = verdicts(made)
     assert "all are alike" not in found.headline and "angle error as measured" in found.headline
-    start = "Most of the true angle error is the sensor's own error, which no law can see"
+    start = "Most of the true angle error comes from the sensor's own error, which no law can see"
     assert found.details[0].startswith(start)
     assert " 0.354 deg (100 %)" in found.details[0]
 
@@ -186,8 +186,7 @@ def test_where_it_dominates_some_the_true_error_decides(ripples):
     found = verdicts(with_sensor(ripples, {"pi-ilc": 0.98, "pi": 0.01, "fair-pi": 0.01}))[0]
     assert found.headline.startswith("At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less")
     assert found.details[0].endswith(
-        "(its share of the square): PI-ILC 1.57 rpm (100 %). In the measured values there is left: "
-        "PI-ILC 0.0314 rpm."
+        "its share of the square): PI-ILC 1.57 rpm (100 %). The measured values show: PI-ILC 0.0314 rpm."
     )
 
 
@@ -195,7 +194,7 @@ def test_of_one_controller(ripples):
     alone = Results(ripples.study, [run for run in ripples.runs if run.controller == "pi-ilc"])
     found = verdicts(with_sensor(alone, {"pi-ilc": 0.98}))[0]
     assert found.headline == "At 60 rpm, speed ripple: PI-ILC 1.57 rpm."
-    assert found.details[1].startswith("Most of the true speed ripple is the sensor's own error")
+    assert found.details[1].startswith("Most of the true speed ripple comes from the sensor's own error")
 
 
 def test_a_sensor_that_gives_no_number_says_nothing(ripples):

@@ -81,7 +81,9 @@ def test_the_verdict_calls_what_gets_worse(made):
     text = " ".join(
         verdicts(replace(made, runs=[pi, with_line(printed, 400, 1.0, 9.0), filtered]))[0].details
     )
-    assert "printed scheme is no worse than “PI, as published” until 8 s, then worse" in text
+    assert (
+        "printed scheme gets worse with time: until 8 s it is no worse than “PI, as published”, then" in text
+    )
     found = verdict(made.study, "printed")
     assert f"grows at 400 Hz, as cogless design says ({found.short()})" in text
     # of what cogless design doesn't see it's said too
@@ -134,15 +136,13 @@ def test_who_has_grown_does_not_tie(made):
     grown = with_error(filtered, pi, 1.2, 6.0, 1.03)
     found = verdicts(replace(made, runs=[pi, grown]))[0]
     assert found.tone == "worse" and "no controller stays better than “PI, as published”" in found.headline
-    assert found.details[0].startswith(
-        "Worse with time: filtered map is no worse than “PI, as published” until 6"
-    )
+    assert found.details[0].startswith("filtered map gets worse with time: until 6")
     # nor are all alike where others tie
     tied = with_error(printed, pi, 1.02, 6.0, 1.02)
     found = verdicts(replace(made, runs=[pi, tied, grown]))[0]
     assert found.tone == "even" and "all are alike" not in found.headline
     assert "“PI, as published” and printed scheme tie" in found.headline
-    assert found.details[0].startswith("Worse with time: filtered map")
+    assert found.details[0].startswith("filtered map gets worse with time")
 
 
 def test_nobody_is_worse_than_a_baseline_that_stands(made):
@@ -154,7 +154,7 @@ def test_nobody_is_worse_than_a_baseline_that_stands(made):
     stands = replace(pi, trace=replace(pi.trace, data=data))
     found = verdicts(replace(made, runs=[stands, filtered]))[0]
     assert "did not hold the speed" in found.headline
-    assert "Worse with time" not in " ".join(found.details)
+    assert "gets worse with time" not in " ".join(found.details)
 
 
 def test_what_gets_worse_is_said_where_the_design_can_tell_nothing(made, monkeypatch):
@@ -164,8 +164,10 @@ def test_what_gets_worse_is_said_where_the_design_can_tell_nothing(made, monkeyp
     monkeypatch.setattr("cogless.report.angle_charts.verdict", unknown)
     pi, printed, _ = made.runs
     told = verdicts(replace(made, runs=[pi, with_line(printed, 400, 1.0, 9.0)]))[0].details
-    (worse,) = (line for line in told if "Worse with time" in line)
-    assert re.search(r"until 8 s, then worse; its current grows at \d+ Hz\.$", worse)
+    (worse,) = (line for line in told if "gets worse with time" in line)
+    assert re.search(
+        r"until 8 s it is no worse than .*, then it is worse; its current grows at \d+ Hz\.$", worse
+    )
 
 
 def test_what_gets_worse_wins_nothing(made):
@@ -175,7 +177,7 @@ def test_what_gets_worse_wins_nothing(made):
     assert verdicts(replace(made, runs=[pi, best]))[0].tone == "better"
     found = verdicts(replace(made, runs=[pi, with_line(best, 400, 1.0, 9.0), filtered]))[0]
     assert "filtered map leaves" in found.headline and "printed" not in found.headline
-    assert found.details[0].startswith("Worse with time: printed scheme is no worse than “PI")
+    assert found.details[0].startswith("printed scheme gets worse with time: until ")
     alone = verdicts(replace(made, runs=[pi, with_line(best, 400, 0.3, 3.0)]))[0]
     assert alone.tone == "worse"
     assert "no controller stays better than “PI, as published”: it leaves" in alone.headline

@@ -125,11 +125,11 @@ def test_the_best_law_stands_beside_itself_with_learning_off(study, off, tone, s
 def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):
     dip = line("dip", "dip", pi=4, fair=2.04, ilc=2)
     assert room._headline(case(study, dip))[1] == (
-        f"At 60 rpm, {ILC} and {FAIR} tie: they are thrown off by 2.00 rpm and 2.04 rpm (dip), about "
+        f"At 60 rpm, {ILC} and {FAIR} tie: they deviate by up to 2.00 rpm and 2.04 rpm (dip), about "
         f"2.00 times less than {PI} (4.00 rpm)."
     )
     assert (
-        "PI-ILC is thrown off by 2.00 rpm (dip)"
+        "PI-ILC deviates by up to 2.00 rpm (dip)"
         in room._headline(case(study, replace(dip, values={"pi": 4.0, "pi-ilc": 2.0})))[1]
     )
 
@@ -181,8 +181,8 @@ def test_what_a_speed_is_judged_by():
     ("reference", "speed", "said"),
     [
         (lambda run: 6 * np.sin(run.trace.time), lambda run: 6.01 * np.sin(run.trace.time),
-            "In low-speed, no speed is judged: the reference varies, and the ripple is its own; "
-            'add a metric of kind = "rms" and signal = "omega_error".'),
+            "In low-speed, no speed is judged: the reference varies, which would count as ripple; "
+            'add a [[metric]] with kind = "rms" and signal = "omega_error".'),
         (lambda run: 0 * run.trace.time, lambda run: 1e-3 * np.sin(run.trace.time),
             "At 0 rpm, no speed is judged: the reference is at rest."),
     ],
@@ -226,17 +226,17 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
     orders = [order(1, pi=1, fair=1, ilc=9), order(6, pi=5, fair=2, ilc=1), order(7, signal="tau_e", pi=9)]
     told = room._strongest_order(case(study, line(pi=3, fair=2, ilc=1), *orders))
     assert (
-        told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 rpm, {FAIR} 2.00 rpm and {PI} 5.00 rpm."
+        told == f"In the strongest order, 6 (mechanical): {ILC} 1.00 rpm, {FAIR} 2.00 rpm and {PI} 5.00 rpm."
     )
     lacking = [order(6, pi=5, ilc=1), order(1, pi=1, fair=1, ilc=9)]
     told = room._strongest_order(case(study, line(pi=3, fair=2, ilc=1), *lacking))
-    assert told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 rpm and {PI} 5.00 rpm."
+    assert told == f"In the strongest order, 6 (mechanical): {ILC} 1.00 rpm and {PI} 5.00 rpm."
     behind = line(pi=1, fair=2, ilc=3)
     assert room._strongest_order(case(study, behind, *orders)).endswith(
         f": {PI} 5.00 rpm and {FAIR} 2.00 rpm."
     )
     lost = room._strongest_order(case(study, replace(behind, missed={"pi": "mean 0 of 60 rpm"}), *orders))
-    assert lost == f"Of the strongest order, 1 (mechanical): {FAIR} 1.00 rpm and {ILC} 9.00 rpm."
+    assert lost == f"In the strongest order, 1 (mechanical): {FAIR} 1.00 rpm and {ILC} 9.00 rpm."
     assert [one.order for one in room._orders([order(1, pi=0.0), order(2, pi=0.5)], "pi")] == [2, 1]
     for nothing in (
         case(study, other("torque", pi=1, ilc=2), *orders),
@@ -253,7 +253,7 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
         ({"pi": 3, "fair": 2, "ilc": 1},
             f"{ILC} has 2.00 times less than the best without learning, {FAIR} (2.00 rpm)."),
         ({"pi": 3, "fair": 1, "ilc": 2},
-            f"{FAIR} doesn't learn; the best that learns is {ILC} with 2.00 rpm."),
+            f"{FAIR} doesn't learn; the best controller that learns is {ILC} with 2.00 rpm."),
         ({"pi": 3, "fair": 1, "ilc": 1.04}, ""),  # they tie
         ({"pi": 1, "fair": 2, "ilc": 3}, ""),
         ({"pi": 2, "fair": 3, "ilc": 1}, ""),  # the headline has the baseline
@@ -276,17 +276,17 @@ def test_metrics_in_which_the_next_best_is_better_by_half_are_told(study):
     ]
     told = room._against_the_next(case(study, line(pi=9, fair=2, ilc=1), *others, order(6, fair=1, ilc=9)))
     assert told == (
-        f"Against {FAIR}, {ILC} has 4.00 times the heat (4.00 W against 1.00 W), 3.00 times the jerk (3.00 W "
-        "against 1.00 W) and 2.00 times the loss (2.00 W against 1.00 W)."
+        f"Compared with {FAIR}, {ILC} has 4.00 times the heat (4.00 W against 1.00 W), 3.00 times the jerk "
+        "(3.00 W against 1.00 W) and 2.00 times the loss (2.00 W against 1.00 W)."
     )
     edge = room._against_the_next(case(study, line(pi=9, fair=2, ilc=1), others[-1]))
-    assert edge == f"Against {FAIR}, {ILC} has 1.50 times the wear (1.50 W against 1.00 W)."
+    assert edge == f"Compared with {FAIR}, {ILC} has 1.50 times the wear (1.50 W against 1.00 W)."
     tie = [line(pi=9, fair=1.04, ilc=1), others[0], other("shock", unit="W", fair=2, ilc=1)]
     assert room._against_the_next(case(study, *tie)) == (
-        f"Against {FAIR}, {ILC} has 2.00 times the loss (2.00 W against 1.00 W). "
-        f"Against {ILC}, {FAIR} has 2.00 times the shock (2.00 W against 1.00 W)."
+        f"Compared with {FAIR}, {ILC} has 2.00 times the loss (2.00 W against 1.00 W). "
+        f"Compared with {ILC}, {FAIR} has 2.00 times the shock (2.00 W against 1.00 W)."
     )
-    assert room._against_the_next(case(study, tie[0], tie[2])).startswith(f"Against {ILC}, {FAIR} has")
+    assert room._against_the_next(case(study, tie[0], tie[2])).startswith(f"Compared with {ILC}, {FAIR} has")
     assert room._against_the_next(case(study, line(pi=2, ilc=1, fair=3), *others)) == ""
     dips = [line("dip", "dip", fair=2, ilc=1), order(6, fair=1, ilc=9)]
     assert "9.00 times the speed order 6" in room._against_the_next(case(study, *dips))  # no part of a dip
@@ -294,19 +294,24 @@ def test_metrics_in_which_the_next_best_is_better_by_half_are_told(study):
 
 def test_a_cost_is_more_than_a_hundredth_of_the_baselines(study):
     best = line(pi=2, ilc=1)
-    for ratio, said in ((1.01, None), (1.02, "+2 % loss"), (1.99, "+99 % loss"), (2, "2.00 times the loss")):
+    for ratio, said in (
+        (1.01, None),
+        (1.02, "2 % more loss"),
+        (1.99, "99 % more loss"),
+        (2, "2.00 times the loss"),
+    ):
         told = room._costs(case(study, best, other("loss", unit="W", pi=1, ilc=ratio)))
-        costs = said and f"Against {PI}, {ILC} costs {said} ({ratio:.2f} W)."
-        assert told == (costs or f"The other number isn't worse with {ILC} than with {PI}.")
+        costs = said and f"Compared with {PI}, {ILC} has {said} ({ratio:.2f} W)."
+        assert told == (costs or f"The other metric isn't worse with {ILC} than with {PI}.")
     two = [other("loss", pi=1, ilc=1), other("heat", pi=1, ilc=1)]
-    none = f"None of the 2 other numbers is worse with {ILC} than with {PI}."
+    none = f"None of the 2 other metrics is worse with {ILC} than with {PI}."
     assert room._costs(case(study, best, *two)) == none
     assert room._costs(case(study, best, *two, other("noise", pi=0, ilc=1))) == none  # of nothing no share
     slight = order(6, pi=0.001, ilc=0.099)  # less than a twentieth of the baseline's ripple
     assert room._costs(case(study, best, *two, slight)) == none
     assert room._costs(case(study, best)) == ""
     tie = line(pi=1, ilc=1.04)
-    assert room._costs(case(study, tie, two[0])) == f"The other number isn't worse with {ILC} than with {PI}."
+    assert room._costs(case(study, tie, two[0])) == f"The other metric isn't worse with {ILC} than with {PI}."
     for nothing in (line(pi=1, ilc=2), line(pi=2, ilc=1, missed=["pi"])):
         assert room._costs(case(study, nothing, *two)) == ""
 
@@ -329,15 +334,17 @@ def test_an_order_is_slight_below_a_twentieth_of_the_total(study, size, unit, to
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"pi": 2, "fair": 1.5, "ilc": 1}, f" against {PI}: {FAIR} 1.50 rpm (1.33 times less)."),
+        ({"pi": 2, "fair": 1.5, "ilc": 1}, f", compared with {PI}: {FAIR} 1.50 rpm (1.33 times less)."),
         ({"pi": 2, "fair": 1.04, "ilc": 1}, None),
-        ({"pi": 1, "fair": 2, "ilc": 3}, f" against {PI}: {ILC} 3.00 rpm (worse: 3.00 times as much)."),
-        ({"pi": 1, "fair": 2, "ilc": 1.04}, f" against {PI}: {FAIR} 2.00 rpm (worse: 2.00 times as much)."),
+        ({"pi": 1, "fair": 2, "ilc": 3},
+            f", compared with {PI}: {ILC} 3.00 rpm (worse: 3.00 times as much)."),
+        ({"pi": 1, "fair": 2, "ilc": 1.04},
+            f", compared with {PI}: {FAIR} 2.00 rpm (worse: 2.00 times as much)."),
         ({"pi": 2, "fair": 3, "ilc": 1, "missed": ["pi"]}, f": {FAIR} 3.00 rpm."),
     ],
 )  # fmt: skip
 def test_the_others_are_those_that_the_headline_leaves_out(study, given, said):
-    assert room._rest(case(study, line(**given))) == (f"The others{said}" if said else "")
+    assert room._rest(case(study, line(**given))) == (f"The other controller{said}" if said else "")
 
 
 def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):
@@ -362,9 +369,9 @@ def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):
     assert room._failures(case(study, line(pi=1, ilc=2, missed=["pi"]))) == []
     unsettled = line("settling", "settling", unit="s", pi=None, fair=None, ilc=None, missed=["ilc"])
     assert room._failures(case(study, line(pi=1), replace(unsettled, missed={}, span=None))) == [
-        f"In settling, {PI}, {FAIR} and {ILC} never settled."
+        f"{PI}, {FAIR} and {ILC} never settled (metric: settling)."
     ]
-    assert f"In settling, {PI} and {FAIR} never settled." in room._failures(
+    assert f"{PI} and {FAIR} never settled (metric: settling)." in room._failures(
         case(study, line(pi=1), unsettled)
     )
 
@@ -375,11 +382,11 @@ def test_what_a_sensor_adds_of_its_own_is_told_where_it_is_most(study):
     assert room._by_what_is_seen(whole, None, None) == (whole, "")
     assert room._by_what_is_seen(whole, Sensor(seen, dict.fromkeys(true.values, 0.5)), None) == (whole, "")
     one = {"pi": 0.5, "pi-ilc": 0.84, "fair-pi": 0.0}
-    own = "Most of the true speed ripple is the sensor's own error, which no law can see"
-    own += " (its share of the square)"
+    own = "Most of the true speed ripple comes from the sensor's own error, which no law can see"
+    own += " (in brackets: its share of the square)"
     assert room._by_what_is_seen(whole, Sensor(seen, one), None) == (
         whole,
-        f"{own}: {ILC} 1.00 rpm (84 %). In the measured values there is left: {ILC} 0.400 rpm.",
+        f"{own}: {ILC} 1.00 rpm (84 %). The measured values show: {ILC} 0.400 rpm.",
     )
     every = {"pi": 0.75, "pi-ilc": 0.84, "fair-pi": 0.51}
     judged, said = room._by_what_is_seen(whole, Sensor(seen, every), None)

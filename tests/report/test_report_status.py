@@ -66,13 +66,15 @@ def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
     assert learning
     inside = [line for line in lines if line.span and line.span[1] > SINCE]
     assert inside and all(set(line.guarded) == set(learning) & set(line.values) for line in inside)
-    told = [line for line in remarks(held.study, lines) if line.startswith("the guard held the learning of")]
+    told = [
+        line for line in remarks(held.study, lines) if line.startswith("the guard held back the learning of")
+    ]
     assert len(told) == len(learning)
     label = held.study.label(learning[0])
-    assert told[0].startswith(f"the guard held the learning of {label} back, 8.5 to 9.75 s, where it is ")
-    assert told[0].endswith(" is in part from this time")
+    assert told[0].startswith(f"the guard held back the learning of {label} from 8.5 to 9.75 s (frozen, ")
+    assert told[0].endswith(" is from this time") and ": a part of its " in told[0]
     found = verdict(held, runs_in(held, WHERE))
-    assert any(line.startswith("The guard held the learning of") for line in found.details)
+    assert any(line.startswith("The guard held back the learning of") for line in found.details)
 
 
 def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_reason(made, monkeypatch):
@@ -83,8 +85,8 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     harms = replace(DESIGNS["speed"], likely_harm=lambda study, controller: "it learns orders 5 k")
     monkeypatch.setattr(comparison, "DESIGNS", {**DESIGNS, "speed": harms})
     for times, said in (
-        (1.24, "its speed ripple is in part from this time"),
-        (4.5, f"learning does harm here, 4.50 times the speed ripple of {base}"),
+        (1.24, "a part of its speed ripple is from this time"),
+        (4.5, f"learning does harm here, with 4.50 times the speed ripple of {base}"),
     ):
         line = replace(plain, values={**plain.values, name: times * plain.values[held.study.baseline]})
         line = replace(line, missed={name: "mean 0 of 60 rpm"})
@@ -100,7 +102,7 @@ def test_a_law_whose_own_feedback_did_not_run_is_not_said_to_do_harm(made):
     base = plain.values[slower.baseline]
     line = replace(plain, values={**plain.values, "pi-ilc": 2.12 * base})
     (told,) = (one for one in held_back(slower, [line]) if slower.label("pi-ilc") in one)
-    beside = f"its ripple there is 2.12 times the speed ripple of {slower.label(slower.baseline)}"
+    beside = f"its ripple is then 2.12 times the speed ripple of {slower.label(slower.baseline)}"
     assert told.endswith(f": {beside}, which has another feedback") and "harm" not in told
 
 

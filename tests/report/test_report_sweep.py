@@ -287,15 +287,17 @@ def test_the_answer_is_told_line_by_line(tmp_path: Path) -> None:
     """The limit is 3 rpm: 75 of the 100 keep it, and all of those halved; Wilson's intervals beside."""
     sweep = linear(tmp_path)
     worst = int(np.argmax(sweep.values[:, 0, 0]))
-    all_keep = "low: Ripple keeps its limit, of 100 variants: pi-ilc in 100 % and pi in 75.0 %."
+    all_keep = "low: Ripple keeps its limit in this share of 100 variants: pi-ilc 100 % and pi 75.0 %."
     of_pi = (
-        "    pi: 75.0 % keep it (95 % sure: 65.7 % to 82.5 %); half at 2.00 rpm or better, 95 % at 3.80 rpm; "
-        f"worst 4.00 rpm (variant {worst})"
+        "    pi: 75.0 % keep it (95 % confidence: 65.7 % to 82.5 %); half at 2.00 rpm or better, 95 % at "
+        f"3.80 rpm; worst 4.00 rpm (variant {worst})"
     )
     rest = f"half at 1.00 rpm or better, 95 % at 1.90 rpm; worst 2.00 rpm (variant {worst})"
     told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
     assert told[:3] == [all_keep, "  ripple, at most 3.00 rpm", of_pi] and len(told) == 4
-    assert told[3].startswith("    pi-ilc: 100 % keep it (95 % sure: 96.3 % to ") and told[3].endswith(rest)
+    assert told[3].startswith("    pi-ilc: 100 % keep it (95 % confidence: 96.3 % to ") and told[3].endswith(
+        rest
+    )
     broken = replace(sweep, errors={(3, 0): "no", (4, 1): "no"})
     more = report.write(broken, tmp_path / "report.html", lambda settings, pair: "")
     assert more == [*told, "  2 runs failed; sweep.parquet has their errors."]
@@ -310,7 +312,7 @@ def test_a_variant_keeps_the_limits_if_it_keeps_all_of_them(tmp_path: Path) -> N
     sweep.values[(rpm > 1.01) & (rpm < 2.01), 0, 1] = 0.2
     both = replace(sweep, study=study, columns=columns(study))
     told = report.write(both, tmp_path / "report.html", lambda settings, pair: "")
-    assert told[0] == "low: All limits are kept, of 100 variants: pi-ilc in 100 % and pi in 50.0 %."
+    assert told[0] == "low: All limits are kept in this share of 100 variants: pi-ilc 100 % and pi 50.0 %."
     assert told[1::3] == [
         "  ripple, at most 3.00 rpm",
         "  speed: order 24, at most 0.150 rad/s",
@@ -345,8 +347,8 @@ def test_without_a_limit_the_spread_is_told_and_what_a_limit_would_tell(tmp_path
     first, heading, *_, last = report.write(sweep, tmp_path / "r.html", lambda settings, pair: "")
     assert first == "low: How 100 variants spread, by controller." and heading == "  ripple"
     assert last == (
-        "  No metric has a limit; with limit = ... in a metric's table, the share of variants that keep "
-        "it is told."
+        "  No metric has a limit. With limit = ... in a metric's table, this page shows the share of "
+        "variants that keep it."
     )
     assert '<section class="answer even"' in (tmp_path / "r.html").read_text()
 
@@ -356,7 +358,7 @@ def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:
     sweep = linear(tmp_path, better="higher")
     worst = int(np.argmin(sweep.values[:, 0, 0]))
     told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
-    assert told[0].endswith("of 100 variants: pi in 26.0 % and pi-ilc in 0 %.")
+    assert told[0].endswith("of 100 variants: pi 26.0 % and pi-ilc 0 %.")
     assert told[1] == "  ripple, at least 3.00 rpm"
     assert told[2].endswith(
         f"half at 2.04 rpm or better, 95 % at 0.240 rpm; worst 0.0400 rpm (variant {worst})"

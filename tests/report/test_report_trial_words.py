@@ -70,7 +70,8 @@ def at_limit(run_length, trials):
 
 def test_the_ranking_says_whom_it_leaves_out(study):
     assert headline(study, ilc=FALLS, input=GROWS, none=STAYS).endswith(
-        "no learning never is. The ranking is without ILC into the input, whose error grows over the trials."
+        "no learning never reaches it. The ranking is without ILC into the input, whose error grows over the "
+        "trials."
     )
     assert headline(study, ilc=GROWS, input=GROWS, none=STAYS).endswith(
         f"The ranking is without {ILC} and ILC into the input, whose errors grow over the trials."
@@ -112,7 +113,7 @@ def test_the_best_is_not_called_best_without_its_limit(study, trials, share):
     made = with_signals(made, status=lambda name: at_limit(length, trials if name == "ilc" else 0))
     (verdict,) = verdicts(made)
     but = f" But the input of {ILC} is at its limit in {share}."
-    assert verdict.headline.endswith(but if share else "no learning never is.")
+    assert verdict.headline.endswith(but if share else "no learning never reaches it.")
     assert verdict.tone == ("even" if trials == TRIALS else "better")
     every = f"The input is at its limit, where nothing is learned: {ILC} in {trials} of 60 trials."
     assert (every in verdict.details) == (trials > 0)
@@ -206,7 +207,7 @@ def test_controllers_that_lack_a_certificate_for_one_reason_share_a_sentence(tmp
     (sentence,) = (each for each in verdict.details if "not certified" in each)
     assert re.fullmatch(
         r"(ilc and twin|twin and ilc) are not certified: by the models the motion needs \d\.\d\d A at "
-        r"mechanics\.inertia = \S+, and the limit is 1\.60 A\.",
+        r"mechanics\.inertia = \S+, but the limit is 1\.60 A\.",
         sentence,
     )
 
@@ -277,7 +278,7 @@ def test_thirty_changes_make_one_row_one_mark_and_one_button(thirty):
     assert len(over["zooms"]) <= 3
     drawn = to_page(waveforms(thirty, thirty.runs))
     assert [phase["name"] for phase in drawn["phases"]] == ["start", "trial 2: start", "trial 60: start"]
-    assert drawn["note"] == "Of the 30 start changes: the first and the last."
+    assert drawn["note"] == "Of the 30 start changes, the first and the last are drawn."
 
 
 def test_thirty_changes_are_counted_in_the_verdict(thirty):

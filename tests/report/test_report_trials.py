@@ -118,7 +118,7 @@ def test_verdict_names_the_quickest_and_where_the_others_are_behind(made):
     (verdict,) = verdicts(made)
     assert verdict.tone == "better"
     assert verdict.headline == (
-        f"{ILC} is at {FLOOR} within 3 trials after every change; no learning never is."
+        f"{ILC} is at {FLOOR} within 3 trials after every change; no learning never reaches it."
     )
     details = " ".join(verdict.details)
     assert (
@@ -171,27 +171,28 @@ def but(value, *trials):
     ("rms", "tone", "headline", "detail"),
     [
         pytest.param({"ilc": but(4, slice(10)), "input": STAYS}, "better",
-            f"{ILC} is at {FLOOR} within 11 trials of the start and {EVERY}; no learning never is.",
+            f"{ILC} is at {FLOOR} within 11 trials of the start and {EVERY}; no learning never reaches it.",
             f"ILC into the input never reaches the floor; its first trial {LOAD} is 1.64 times worse than "
             f"with {ILC} (5.00 mrad against 3.04 mrad).", id="the start takes longest"),
         pytest.param({"ilc": but(4, slice(10), slice(40, 46)), "input": STAYS}, "better",
             f"{ILC} is at {FLOOR} within 11 trials of the start and within 7 trials after every change; "
-            "no learning never is.", None, id="the slowest of the changes"),
+            "no learning never reaches it.", None, id="the slowest of the changes"),
         pytest.param({"ilc": falls(6.0, floor=1.2), "input": STAYS, "none": STAYS}, "worse",
             f"No controller reaches {FLOOR}. {ILC} ends each phase with at most 1.20 mrad RMS, "
             "4.17 times less than no learning (5.00 mrad).", None, id="the floor is never reached"),
         pytest.param({"ilc": but(2, slice(20, 40)), "input": STAYS}, "even",
-            f"{ILC} is at {FLOOR} in 2 of 3 phases, but never {LOAD}; no learning never is.", None,
+            f"{ILC} is at {FLOOR} in 2 of 3 phases, but never {LOAD}; no learning never reaches it.", None,
             id="the floor is reached in some phases"),
         pytest.param({"ilc": FALLS, "input": GROWS}, "better",
-            f"{ILC} is at {FLOOR} {EVERY}; no learning never is. {UNRANKED}",
+            f"{ILC} is at {FLOOR} {EVERY}; no learning never reaches it. {UNRANKED}",
             f"ILC into the input diverges from the start: {GROWN}", id="learning diverges"),
         pytest.param(dict.fromkeys(("none", "ilc", "input"), GROWS), "worse",
             "The error grows over the trials with every controller. No controller beats no learning: it is "
-            f"at {FLOOR} in 1 of 3 phases, but never {LOAD} and {CHANGE}; the next, {ILC}, never is after a "
-            "change.", f"No learning grows worse from the start: {GROWN}", id="every controller diverges"),
+            f"at {FLOOR} in 1 of 3 phases, but never {LOAD} and {CHANGE}; the next, {ILC}, never reaches it "
+            "after a change.", f"No learning grows worse from the start: {GROWN}",
+            id="every controller diverges"),
         pytest.param({"ilc": FALLS, "input": but(np.nan, slice(30, 60))}, "better",
-            f"{ILC} is at {FLOOR} {EVERY}; no learning never is. {UNRANKED}",
+            f"{ILC} is at {FLOOR} {EVERY}; no learning never reaches it. {UNRANKED}",
             f"ILC into the input diverges {LOAD}: its error doesn't stay finite.", id="an infinite error"),
         pytest.param({"none": FALLS, "ilc": falls(3.0, 0.8), "input": STAYS}, "worse",
             f"No controller beats no learning: it is at {FLOOR} {EVERY}; the next, {ILC}, takes up to 7 "
@@ -199,13 +200,14 @@ def but(value, *trials):
         pytest.param(dict.fromkeys(("none", "ilc", "input"), FALLS), "even",
             f"All controllers are alike: they are at {FLOOR} {EVERY}.", None, id="all tie"),
         pytest.param({"none": STAYS, "ilc": FALLS, "input": FALLS}, "better",
-            f"{ILC} and ILC into the input are at {FLOOR} {EVERY}; no learning never is.", None,
+            f"{ILC} and ILC into the input are at {FLOOR} {EVERY}; no learning never reaches it.", None,
             id="those that learn tie"),
         pytest.param({"none": FALLS, "ilc": FALLS, "input": STAYS}, "even",
-            f"No learning and {ILC} are at {FLOOR} {EVERY}; the next, ILC into the input, never is.", None,
+            f"No learning and {ILC} are at {FLOOR} {EVERY}; the next, ILC into the input, never reaches "
+            "it.", None,
             id="the baseline ties"),
         pytest.param({"ilc": but(1.3, slice(44, 60))}, "better",
-            f"{ILC} is at {FLOOR} {EVERY}; no learning never is.",
+            f"{ILC} is at {FLOOR} {EVERY}; no learning never reaches it.",
             f"{ILC} does not stay at the floor: 1.30 mrad RMS in the second half of the trials {CHANGE}.",
             id="the floor is not kept"),
     ],
@@ -255,9 +257,8 @@ def test_phases_in_which_the_floor_is_never_reached_are_named(study):
         told = alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
         assert told == f"ILC into the input never reaches the floor {where}; {worse}"
     quick = alone(study, {"ilc": np.full(60, 0.5), "input": STAYS, "none": start}).headline
-    expected = (
-        f"{ILC} is at {FLOOR} in the first trial after every change; no learning never is after a change."
-    )
+    expected = f"{ILC} is at {FLOOR} in the first trial after every change; no learning "
+    expected += "never reaches it after a change."
     assert quick == expected
 
 
@@ -282,7 +283,7 @@ def test_a_name_that_is_no_word_keeps_its_letters(tmp_path):
     text = synthetic.TRIALS.replace('label = "ILC, Fig. 1"', "").replace('label = "no learning"', "")
     verdict = alone(synthetic.study(tmp_path, text), {"ilc": falls(3.0)})
     assert verdict.headline.startswith("ilc is at the floor") and verdict.headline.endswith(
-        "; none never is."
+        "; none never reaches it."
     )
 
 
@@ -363,7 +364,7 @@ def test_a_run_outside_the_ranges_is_not_called_certified(made):
 
     outside = told(replace(made, runs=[one(run) for run in made.runs]))
     (line,) = outside
-    assert line.startswith(f"Of {ILC} the certificate says nothing: scenario table-1")
+    assert line.startswith(f"The certificate says nothing about {ILC}: scenario table-1")
 
 
 def test_a_limit_that_is_reached_is_said(made):
@@ -455,7 +456,7 @@ def test_a_logarithmic_axis_has_no_place_for_zero(study):
     values = unpack(chart["series"][1]["values"])
     assert np.flatnonzero(np.isnan(values)).tolist() == [3, 4, 7]
     assert chart["note"] == (
-        "Not on a logarithmic axis: ILC, Fig. 1, 2 trials at zero; ILC, Fig. 1, 1 trial not finite."
+        "The logarithmic axis cannot show: ILC, Fig. 1, 2 trials at zero; ILC, Fig. 1, 1 trial not finite."
     )
 
 
@@ -484,7 +485,7 @@ def test_chosen_trials_hold_what_the_trace_has(made, study):
 def test_so_many_phases_are_drawn_and_the_rest_is_told(made, monkeypatch):
     monkeypatch.setattr(trials, "MOST_PHASES", 2)
     waves = to_page(trials.waveforms(made, made.runs))
-    assert waves["note"] == "Of the first 2 of 3 phases."
+    assert waves["note"] == "Only the first 2 of 3 phases are drawn."
     assert [phase["name"] for phase in waves["phases"]] == ["start", "trial 21: load"]
 
 
@@ -606,8 +607,8 @@ def test_a_certificate_in_lines(made):
 
     line, warned, rows = told(good, grows)
     assert line == (
-        "from trial to trial, Euler model: 0.976367 at 62.5 Hz, contracting; exact model: "
-        "1.00032 at 198.8 Hz, may grow"
+        "the error's largest factor from trial to trial: Euler model: 0.976367 at 62.5 Hz, contracting; "
+        "exact model: 1.00032 at 198.8 Hz, may grow"
     )
     assert warned == [line]
     assert rows == [
@@ -621,10 +622,13 @@ def test_a_certificate_in_lines(made):
     line, warned, _ = told(good, monotone)
     assert line.endswith("exact model: 1 at 0 Hz, monotone") and warned == []
     line, warned, rows = told(lost, None)
-    assert line == "from trial to trial, Euler model: unstable along the trial" and warned == [line]
+    assert (
+        line == "the error's largest factor from trial to trial: Euler model: unstable along the trial"
+        and warned == [line]
+    )
     assert rows == [("Euler", "0.9852 unstable", "1.273 unstable", *["-"] * 6)]
     line, warned, _ = told(replace(good, without_filter=None), None)
-    assert line == "from trial to trial, Euler model: no learning" and warned == []
+    assert line == "the error's largest factor from trial to trial: Euler model: no learning" and warned == []
 
 
 def test_certificates_stay_out_of_the_results_file(made):

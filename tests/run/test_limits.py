@@ -342,7 +342,7 @@ def test_where_the_pi_is_best_a_change_is_tried_with_the_law_that_learns_too(stu
     assert found.learner.value == alone.metrics[found.metric] > found.value
     for cure, cured in zip(found.advised, told.cured(eccentric), strict=True):
         assert cure.learner == simulate(cured, "turning", "harmonic").metrics[found.metric]
-    assert found.advised and "harmonic then leaves " in str(told)
+    assert found.advised and "harmonic then left " in str(told)
 
 
 def test_where_the_law_that_learns_is_best_it_alone_is_told(study):

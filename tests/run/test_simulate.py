@@ -397,7 +397,7 @@ def test_a_law_that_does_not_load(tmp_path: Path) -> None:
         simulate(study, "low", "mine")
     assert line(error, tmp_path).endswith(
         "laws.py line 1: ModuleNotFoundError: No module named 'no_such_thing': "
-        "expected a file that loads; it may import installed modules, or files beside it"
+        "expected a file that loads; it may import installed modules, or files next to it"
     )
 
 

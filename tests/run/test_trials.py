@@ -257,7 +257,7 @@ def test_a_design_without_a_learning_gain_shows_what_there_is(tmp_path: Path) ->
     assert ilc["K_3"] is None and feedback["K_3"] == 0
     (note,) = (note for note in ilc["notes"] if note not in feedback["notes"])
     assert note.startswith("q_filter: no K_3 makes every error fall from trial to trial: ")
-    assert "choose 107 Hz and 2" in note
+    assert "would choose a filter of 107 Hz and a shift of 2" in note
     for key in ("K_s", "N", "feedforward", "checks"):
         assert ilc[key] == feedback[key]
     radius = ilc["certificate"]["design_model"]["radius_along_the_trial"]
@@ -282,7 +282,7 @@ def test_nothing_else_takes_a_controller_without_its_learning_gain(tmp_path: Pat
     assert str(error.value).startswith(f"{tmp_path}/study.toml: {NO_K_3}")
     warnings = DESIGNS[study.kind].warnings
     (line,) = warnings(study, "move", "ilc")
-    assert str(line) == "controller.ilc: from trial to trial, exact model: no K_3"
+    assert str(line) == "controller.ilc: the error's largest factor from trial to trial: exact model: no K_3"
     assert warnings(study, "move", "feedback") == []
 
 

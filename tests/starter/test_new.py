@@ -94,7 +94,7 @@ def test_it_says_why_a_speed_is_not_held(capsys: pytest.CaptureFixture[str]) -> 
     code, out, _ = cogless(capsys, "new", "fast", *numbers, "--drive", "generic")
     text = " ".join(out.split())
     assert code == 0 and "With these numbers harmonic does not hold 600 r/min: the mean speed is " in text
-    assert "its reference of 600 rpm needs more voltage than there is" in text
+    assert "its reference of 600 rpm needs more than the bus voltage" in text
     assert max(map(len, out.splitlines())) <= 80
 
 
@@ -166,7 +166,7 @@ def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(
     effect = Effect(guess=made.guesses[0], nominal=outcome(0.3), outcomes={"more": outcome(0.6)})
     ranking = Ranking(learned=outcome(0.3), baseline=outcome(2), effects=(effect,))
     lines = " ".join(_ranking_lines(study, ranking, path, ()))
-    assert "harmonic 0.3 r/min. At a faster speed it is not worth it: at 3000 rpm it leaves " in lines
+    assert "harmonic 0.3 r/min. At a faster speed it is not worth it: at 3000 rpm learning leaves " in lines
     assert "One guess matters most. Measure or look up first:" in lines
 
 

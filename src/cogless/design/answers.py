@@ -13,7 +13,7 @@ from cogless import units
 from cogless.catalogue import sensor_bits
 from cogless.design.angle_functions import functions_in
 from cogless.design.back_emf import is_covered, is_unstable_with_back_emf, response_factors
-from cogless.design.changes import either, first
+from cogless.design.changes import cure_words, either, first
 from cogless.design.current_needed import noisy_voltage
 from cogless.design.gentler import other_law_rates
 from cogless.design.laws.harmonic import Certificate, certificate, learner
@@ -34,8 +34,8 @@ from cogless.units import ANGULAR_SPEED
 CLAUSES: dict[Kind, str] = {
     "unstable": "it is unstable",
     "feedback unstable": "its feedback is unstable",
-    "grows": "it grows",
-    "may grow": "it may grow",
+    "grows": "what it learns grows",
+    "may grow": "what it learns may grow",
     "may be unstable": "it may be unstable",
 }
 AnswerVerdict = Literal["yes", "no", "not worth it", "not sure", "not judged"]
@@ -133,7 +133,7 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
     if design.certificate is not None:
         return _certified(study, name, design.certificate)
     if verdict is None:
-        return Answer("not judged", "not judged: it is a law of the study's own")
+        return Answer("not judged", "not judged: the law is the study's own code")
     if verdict.kind == "settles":
         harm = verdict.short().removeprefix("settles")
         rest = verdict.in_words().removeprefix(verdict.short())
@@ -170,7 +170,8 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
             )
         doubt = doubt or _coarse_doubt(study, at_speeds, cures)
         if doubt:
-            words = f"not sure: {doubt}; runs with several seeds show it. For small signals {settles}"
+            seeds = "runs of the study with several seeds show it, such as with --set seed=1"
+            words = f"not sure: {doubt}; {seeds}. For small signals the answer is {settles}"
             return Answer(
                 "not sure",
                 words,
@@ -273,9 +274,10 @@ def _not_worth_it(study: Study, speeds: Sequence[Remaining]) -> str:
         "noise of the current sensors": little.noise,
     }
     learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
-    compared = f"it leaves {learned} of ripple, its feedback alone {alone}"
+    compared = f"learning leaves {learned} of ripple, and its feedback alone leaves {alone}"
     by = max(parts, key=lambda part: parts[part])
-    answer = f"not worth it: at {speed_text(study, little.omega_m)} {compared}. Most of it comes from {by}"
+    at = speed_text(study, little.omega_m)
+    answer = f"not worth it: at {at} {compared}. Most of what learning leaves comes from {by}"
     coarse = _coarse_doubt(study, speeds, ())
     return f"{answer}; and {coarse}" if coarse else answer
 
@@ -285,7 +287,7 @@ def _coarse_doubt(study: Study, speeds: Sequence[Remaining], cures: Sequence[Cha
     coarse = next((speed for speed in speeds if not speed.modelled), None)
     if coarse is None:
         return ""
-    return f"{_too_coarse(study, coarse)}{f'; {either(cures)} avoids that' if cures else ''}"
+    return _too_coarse(study, coarse) + cure_words(cures)
 
 
 def _too_coarse(study: Study, coarse: Remaining) -> str:
@@ -293,19 +295,19 @@ def _too_coarse(study: Study, coarse: Remaining) -> str:
     at = f"at {speed_text(study, coarse.omega_m)}"
     if coarse.few_counts:
         return (
-            f"{at} {coarse.counts:.2g} counts come in a speed sample, so the law may take the position "
-            "sensor's steps for motion"
+            f"{at} the position sensor gives {coarse.counts:.2g} counts per speed sample, so the law may "
+            "take the sensor's steps for motion"
         )
     steps, alone = (speed_text(study, size, 3) for size in (coarse.steps_learning, coarse.alone))
     ripple = (
-        f"{at} the position sensor's steps make {steps} of ripple while the law learns, and its feedback "
+        f"{at} the position sensor's steps cause {steps} of ripple while the law learns; the feedback "
         f"alone leaves {alone}"
     )
     if coarse.beat is None:
         return ripple
     return (
-        f"{ripple}, since a law of {coarse.law_rate:.0f} Hz takes {coarse.counts * coarse.law_rate:.0f} "
-        f"steps a second for motion at {coarse.beat:.0f} Hz"
+        f"{ripple}. The law, which runs at {coarse.law_rate:.0f} Hz, takes the sensor's "
+        f"{coarse.counts * coarse.law_rate:.0f} steps a second for motion at {coarse.beat:.0f} Hz"
     )
 
 
@@ -313,14 +315,19 @@ def _times(study: Study, times: Sequence[Settling], lacks: Sequence[str]) -> str
     """The times in which learning settles at the slowest and fastest constant speed; "" if unknown."""
     if not times:
         return ""
-    words = [f"{_rounded_time(at_speed.time)} at {speed_text(study, at_speed.omega_m)}" for at_speed in times]
-    slower = f" or later (not in the model: {', '.join(lacks)})" if lacks else ""
-    ends = "".join(
-        f"; too late for scenario {at_speed.scenario}, which lasts {at_speed.duration:.3g} s"
+    words = [
+        f"{_rounded_time(at_speed.time)} at {speed_text(study, at_speed.omega_m)}{_end(at_speed)}"
         for at_speed in times
-        if not at_speed.in_time
-    )
-    return f", in about {' and '.join(words)}{slower}{ends}"
+    ]
+    slower = f"; it may take longer (the estimate leaves out {', '.join(lacks)})" if lacks else ""
+    return f", in about {' and '.join(words)}{slower}"
+
+
+def _end(at_speed: Settling) -> str:
+    """The note that learning settles after the scenario's end; "" if it settles before."""
+    if at_speed.in_time:
+        return ""
+    return f" (scenario {at_speed.scenario} lasts only {at_speed.duration:.3g} s)"
 
 
 def _rounded_time(time: float) -> str:

@@ -24,7 +24,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.design.changes import either, first
+from cogless.design.changes import cure_words, first
 from cogless.design.closed_loop import Linear, open_loop, position_margins
 from cogless.design.law_rules import feedback_of
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of
@@ -126,15 +126,16 @@ def back_emf_warning(study: Study, name: str) -> Remark | None:
     if plain < PHASE_MARGIN_LEAST or with_emf >= PHASE_MARGIN_LEAST:
         return None
     margins = "is unstable" if with_emf < 0 else f"has {math.degrees(with_emf):.0f} deg of phase margin"
-    sentence = f"with the motor's back-EMF its loop {margins}, not {math.degrees(plain):.0f} deg"
+    alone = f"without it the margin is {math.degrees(plain):.0f} deg"
+    sentence = f"with the motor's back-EMF its loop {margins}; {alone}"
     if study.drive.current_loop.decoupling:
-        sentence += ", since the decoupling uses a speed that is late"
+        sentence += ". The decoupling does not prevent this, since it uses a late speed"
 
     def cured(other: Study) -> bool:
         return other.once(_margins, name)[1] >= PHASE_MARGIN_LEAST
 
     cures = tuple(cure for tried in _ways(study) for cure in first(study, tried, cured))
-    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+    return Remark(sentence + cure_words(cures), cures)
 
 
 def _margins(study: Study, name: str) -> tuple[float, float]:

@@ -29,7 +29,7 @@ class Blocks:
 def margin_words(margins: Margins | None) -> str:
     """Phase and gain margin with the frequencies where they are taken."""
     if margins is None:
-        return "not known, since it is a law of the study's own"
+        return "not known: the law is the study's own code"
     if not margins.stable:
         return "unstable"
     gain = f"gain {margins.gain_margin:.2f} at {_hertz(margins.phase_crossover)}"

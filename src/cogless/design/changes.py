@@ -5,7 +5,7 @@ A change is advised only if it works: the design is computed again with it, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from itertools import islice
 from typing import Any
 
@@ -53,6 +53,11 @@ def change_words(change: Changes, within: str = "") -> str:
 def either(changes: Iterable[Changes], within: str = "") -> str:
     """The words of several changes, each of which is enough; "" without changes."""
     return ", or ".join(change_words(change, within) for change in changes)
+
+
+def cure_words(changes: Collection[Changes], within: str = "") -> str:
+    """The end of a sentence on a fault: the changes, each of which ends the fault; "" without changes."""
+    return f"; {either(changes, within)} would be enough by calculation" if changes else ""
 
 
 def _value_words(key: str, value: Any) -> str:

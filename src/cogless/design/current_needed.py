@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.changes import either, first, helping, unit_text
+from cogless.design.changes import cure_words, first, helping, unit_text
 from cogless.design.closed_loop import Linear
 from cogless.design.margins import Real
 from cogless.design.ripple import measured_noise
@@ -144,14 +144,15 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
             "same torque"
         )
     if needs.mean > limit:
-        sentence = f"its motion and load take {needs.mean:.3g} A, and {bound}"
+        sentence = f"its motion and load need {needs.mean:.3g} A, but {bound}"
     else:
-        sentence = f"to turn evenly takes up to {needs.most:.3g} A, and {bound}"
+        sentence = f"an even speed needs up to {needs.most:.3g} A, but {bound}"
 
     voltage_current = carried(for_scenario(study, scenario), study.scenario[scenario].top_reference)
     if drive.current_reference is None and needs.most > voltage_current and drive.inverter is not None:
         return Remark(
-            f"{sentence}; at its top speed {drive.inverter.bus_voltage:.4g} V carry {voltage_current:.3g} A"
+            f"{sentence}; a bus voltage of {drive.inverter.bus_voltage:.4g} V allows {voltage_current:.3g} A "
+            "at its top speed"
         )
 
     def cured(other: Study) -> bool:
@@ -160,7 +161,7 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
     more: Changes = {LIMIT: unit_text(CURRENT_RESERVE * needs.most, "A")}
     wider = {**more, **_wider_bounds(changed(study, more), scenario)}
     cures = helping(study, (wider,), cured)
-    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+    return Remark(sentence + cure_words(cures), cures)
 
 
 def noisy_currents(study: Study, scenario: str) -> Remark | None:
@@ -179,7 +180,7 @@ def noisy_currents(study: Study, scenario: str) -> Remark | None:
     sentence = f"the monitor may switch the drive off without a fault: {reach}"
 
     cures = helping(study, (_wider_bounds(study, scenario),), lambda other: not _trips(other, scenario))
-    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+    return Remark(sentence + cure_words(cures), cures)
 
 
 def _wider_bounds(study: Study, scenario: str) -> Changes:
@@ -212,15 +213,15 @@ def noisy_voltage(study: Study, scenario: str) -> Remark | None:
     if share <= LIMITED_SHARE_MOST:
         return None
     sentence = (
-        "noise of the current sensors takes the current controllers to the limit of the voltage in "
-        f"{share:.0%} of the law's periods, in which no law learns"
+        "noise of the current sensors drives the voltage to its limit in "
+        f"{share:.0%} of the law's periods; no law learns in such a period"
     )
 
     def cured(other: Study) -> bool:
         return limited_share(other, scenario) <= LIMITED_SHARE_MOST
 
     cures = first(study, slower_loop(study), cured)
-    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+    return Remark(sentence + cure_words(cures), cures)
 
 
 def limited_share(study: Study, scenario: str) -> float:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TIME_COLUMNS = ("speed", "settles in", "scenario lasts")
 RIPPLE_COLUMNS = (
     "feedback alone",
-    "learned",
+    "with learning",
     "sensor's steps",
     "sensor's error",
     "orders not learned",

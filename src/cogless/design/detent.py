@@ -101,11 +101,13 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
     sizes = f"{swinging.size:.2g}"
     if not swinging.surely_stops:
         sizes = f"{swinging.least:.2g} to {sizes}"
-    around = f" (crossover {crossover / math.tau:.3g} Hz)" if math.isfinite(crossover) else ""
+    around = (
+        f" (crossover of the feedback: {crossover / math.tau:.3g} Hz)" if math.isfinite(crossover) else ""
+    )
     return (
-        f"at {speed_text(study, omega_m)} the feedback leaves {sizes} times the speed as ripple, most of it "
-        f"by order {swinging.order}, whose detents swing the rotor at {swinging.rate / math.tau:.3g} Hz"
-        f"{around}: {stop_claim(swinging)}"
+        f"at {speed_text(study, omega_m)} the feedback leaves a speed ripple of {sizes} times the speed, "
+        f"most of it of order {swinging.order}, in whose detents the rotor swings at "
+        f"{swinging.rate / math.tau:.3g} Hz{around}: {stop_claim(swinging)}"
     )
 
 

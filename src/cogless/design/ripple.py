@@ -67,7 +67,7 @@ class Sampled:
 
     def counts_clause(self, omega_m: float) -> str:
         """The counts per speed sample at the mechanical speed omega_m in rad/s, as a clause."""
-        return f"{self.counts(omega_m):.2g} counts come in a speed sample"
+        return f"the position sensor gives {self.counts(omega_m):.2g} counts per speed sample"
 
 
 def sampled(study: Study, scenario: str) -> Sampled | None:

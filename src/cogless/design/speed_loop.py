@@ -47,7 +47,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cogless.design.changes import either, first, helps, unit_text
+from cogless.design.changes import cure_words, first, helps, unit_text
 from cogless.design.margins import FREQUENCY_POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
@@ -137,7 +137,7 @@ def weakness(margins: Margins) -> str | None:
     if not margins.stable:
         return "is unstable"
     if margins.phase_margin < PHASE_MARGIN_LEAST:
-        return f"has {math.degrees(margins.phase_margin):.1f} deg"
+        return f"has only {math.degrees(margins.phase_margin):.1f} deg"
     return None
 
 
@@ -162,8 +162,7 @@ def _too_weak(study: Study, what: str) -> StudyError:
     wrong = " and ".join(f"{key}.{gain}: {toml_text(table[gain])}" for gain in _present(study))
     expected = f"expected {math.degrees(PHASE_MARGIN_LEAST):.0f} deg of phase margin or more {what}"
     cures = gentler_loop(study)
-    way = f"; {either(cures, key)} would do" if cures else ""
-    return StudyError(f"{study.source.path}: {wrong}: {expected}{way}").advising(*cures)
+    return StudyError(f"{study.source.path}: {wrong}: {expected}{cure_words(cures, key)}").advising(*cures)
 
 
 def gentler_loop(study: Study) -> tuple[Changes, ...]:
@@ -210,8 +209,7 @@ def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: st
     ways = [first(study, tried, cured) for tried in faster_loop(study)]
     softer = _softer(study, name, cured)
     cures = (*(cure for way in ways for cure in way), *([softer] if softer is not None else []))
-    would = f"; {either(cures)} would do" if cures else ""
-    return StudyError(f"{study.source.path}: {key}: {why}{would}").advising(*cures)
+    return StudyError(f"{study.source.path}: {key}: {why}{cure_words(cures)}").advising(*cures)
 
 
 def faster_loop(study: Study) -> Iterator[list[Changes]]:

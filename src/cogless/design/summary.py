@@ -135,7 +135,7 @@ def design(study: Study, name: str) -> Design:
     learning, proof, certified = verdict(study, name), rules.theorem(), rules.certificate()
     if proof is not None and learning is not None and learning.kind not in ("settles", "rests"):
         # the proof is for continuous time only
-        sampled = f"but sampled: {learning.short()}"
+        sampled = f"the sampled law: {learning.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     return Design(
         law=controller.law,

@@ -22,7 +22,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
+from cogless.design.changes import SPEED_RESERVE, cure_words, first, helping, unit_text
 from cogless.design.speed_loop import FASTER_FACTORS, current_loops, slower_loop
 from cogless.design.trials.model import exponential
 from cogless.study import Study, for_scenario
@@ -80,10 +80,10 @@ def unstable_turning(study: Study, scenario: str) -> Remark | None:
 
     study_here = for_scenario(study, scenario)
     samples = math.tau * study_here.drive.rates.current_loop / (study_here.motor.star().pole_pairs * lost)
-    at = f"from {speed_text(study, lost, 2)} on, with {samples:.2g} samples in an electrical turn,"
-    sentence = f"{at} the current loop is unstable"
+    unstable = f"from {speed_text(study, lost, 2)} on the current loop is unstable"
+    sentence = f"{unstable}: an electrical turn has only {samples:.2g} samples there"
     cures = tuple(cure for ways in _steadier(study) for cure in first(study, ways, cured))
-    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+    return Remark(sentence + cure_words(cures), cures)
 
 
 def _steadier(study: Study) -> Iterator[list[Changes]]:
@@ -111,7 +111,7 @@ def late_angle(study: Study, scenario: str) -> Remark | None:
         "drive.position_sensor.latency": unit_text(1e6 * sensor.latency * LATE_ANGLE_ADVISED / late, "us")
     }
     cures = helping(study, (younger,), lambda other: _late(other, scenario) <= LATE_ANGLE_MOST)
-    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
+    return Remark(sentence + cure_words(cures), cures)
 
 
 def _late(study: Study, scenario: str) -> float:

@@ -21,7 +21,7 @@ from fractions import Fraction
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.changes import either, helping
+from cogless.design.changes import cure_words, helping
 from cogless.design.law_rules import rules_of
 from cogless.design.margins import Real
 from cogless.design.verdict import judgement
@@ -98,7 +98,7 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     if constant and share < FOLLOWING_SHARE * time * speed / period:
         return f"the rotor turned by {share:.2g} of the law's learning period in {time:.3g} s"
     whole = f" of {period / speed:.3g} s" if constant else ""
-    return f"{time:.3g} s are {share:.2g} of the law's learning period{whole}"
+    return f"learning lasts {time:.3g} s, which is {share:.2g} of the law's learning period{whole}"
 
 
 WAVE_CELLS_LEAST, WAVE_CELLS_ENOUGH = 2.0, 10.0  # cells per wavelength of the highest order
@@ -113,16 +113,16 @@ def map_warning(study: Study, name: str) -> Remark | None:
         return None
     (cells, enough, order), law = wave, rules_of(study, name).memory
     assert law is not None
-    has = f"cells = {law.cells} gives {cells:.3g} cells per wave of order {order} (mechanical)"
+    has = f"with cells = {law.cells} a wave of order {order} (mechanical) has only {cells:.3g} cells"
     width = 2 * law.q_half_width + 1
     lost = 100 * (1 - share_kept(cells, law.q_half_width))
     if cells < WAVE_CELLS_LEAST:
         does = "too few for a map to hold the wave"
     elif law.q_half_width == 0:
-        does = f"straight lines between the cells lose {lost:.2g} % of the wave"
+        does = f"the straight lines between cells lose {lost:.2g} % of the wave"
     else:
-        losing = f"straight lines between the cells and the Q filter over {width} cells"
-        does = f"{losing} lose {lost:.0f} % of the wave in each period"
+        losing = f"the straight lines between cells and the Q filter over {width} cells"
+        does = f"{losing} together lose {lost:.0f} % of the wave in each period"
     key = dotted(("controller", name))
     more: Changes = {f"{key}.cells": math.ceil(law.cells * enough / cells * (1 - CELL_ROUNDING))}
     narrower: Changes = {f"{key}.q_half_width": max(0, int(cells / FILTERS_PER_WAVE - 1) // 2)}
@@ -133,7 +133,7 @@ def map_warning(study: Study, name: str) -> Remark | None:
         return after is not None and after[0] >= after[1] and _settles(other, name) >= now
 
     cures = helping(study, (more, narrower), cured)
-    return Remark(f"{has}: {does}; {either(cures, key)} would do" if cures else f"{has}: {does}", cures)
+    return Remark(f"{has}: {does}{cure_words(cures, key)}", cures)
 
 
 def _wave(study: Study, name: str) -> tuple[float, float, int] | None:

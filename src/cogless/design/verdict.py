@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from cogless import units
 from cogless.design.angle_functions import angle_functions
-from cogless.design.changes import change_words, either, first, helping, helps, unit_text
+from cogless.design.changes import change_words, cure_words, either, first, helping, helps, unit_text
 from cogless.design.closed_loop import Oscillation, oscillation, position_margins
 from cogless.design.detent import STALLING_RATIO, snaps, swing
 from cogless.design.gentler import TRIED_HALVINGS, finer_sensor, slower_feedback, weaker_learning
@@ -96,8 +96,8 @@ class Passing:
         """The report of the passage in one line; `unit` is that of speeds."""
         what = "is unstable" if self.unstable else "grows"
         below = units.format(self.below, unit, ANGULAR_SPEED, 2)
-        passed = f"below {below}, which it passes within {self.time:.2g} s"
-        return f"{passed}, it {what} at {self.frequency:.0f} Hz"
+        passed = f"the reference passes these speeds within {self.time:.2g} s"
+        return f"below {below} learning {what} at {self.frequency:.0f} Hz ({passed})"
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Mean:
 
     def in_words(self) -> str:
         """The mean in one line."""
-        return f"in the mean {self.factor:.3g}x from {self.lowest:.0f} to {self.highest:.0f} Hz"
+        return f"on average {self.factor:.3g} from {self.lowest:.0f} to {self.highest:.0f} Hz"
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Verdict:
     def short(self) -> str:
         """The verdict without a remedy."""
         if self.unstable is not None:
-            with_what = "" if self.kind == "feedback unstable" else " with what learning adds at once"
+            with_what = "" if self.kind == "feedback unstable" else " with the feedback that learning adds"
             sentence = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
             return sentence + (", where K_t is largest" if self.kind == "may be unstable" else "")
         if self.kind == "settles" and self.ratio > HARMFUL_RATIO:
@@ -181,9 +181,9 @@ class Verdict:
         if self.worst is None or self.kind in ("settles", "rests"):
             return self.kind
         up_to = "up to " if self.varies else ""
-        factor = f"{up_to}{self.worst.factor:.4g}x a period at {self.worst.frequency:.0f} Hz"
+        factor = f"{up_to}{self.worst.factor:.4g} per period at {self.worst.frequency:.0f} Hz"
         mean = f", {self.mean.in_words()}" if self.mean else ""
-        return f"{self.kind}, {factor}{self.where}{mean}"
+        return f"{self.kind} by a factor of {factor}{self.where}{mean}"
 
     @property
     def _doubts(self) -> str:
@@ -196,8 +196,8 @@ class Verdict:
     def remark(self) -> Remark:
         """The whole verdict in one line, with the changes that cure it."""
         passing = self.passing.in_words(self.unit) if self.passing else ""
-        frozen = [f"frozen: {reason}" for reason in self.frozen]
-        doubts = f"not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
+        frozen = [f"learns nothing at some speeds: {reason}" for reason in self.frozen]
+        doubts = f"this is not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
         remedy = [] if self.remedy is None else [self.remedy]
         parts = (self.short(), passing, *map(str, remedy), doubts, *frozen)
         cures = (cure for remark in (*remedy, *self.doubts) for cure in remark.cures)
@@ -319,9 +319,9 @@ def _remedy(study: Study, name: str, verdict: Verdict) -> Remark | None:
         ]
         cures += first(study, rests, cured)
     if cures:
-        return Remark(f"{either(cures, key)} repairs it", cures)
+        return Remark(f"learning settles with {either(cures, key)}", cures)
     best = _weaker(study, name)
-    return None if best is None else Remark(f"{change_words(best, key)} repairs it", (best,))
+    return None if best is None else Remark(f"learning settles with {change_words(best, key)}", (best,))
 
 
 def _weaker(study: Study, name: str) -> Changes | None:
@@ -384,7 +384,8 @@ def steadier(study: Study, name: str) -> Remark | None:
     for n in range(1, 2 * TRIED_HALVINGS):
         slower = slower_feedback(study, name, 2.0 ** (n / 2))
         if slower is not None and helps(study, slower, lambda other: _stable(other, name)):
-            return Remark(f"{change_words(slower, dotted(('controller', name)))} steadies it", (slower,))
+            words = change_words(slower, dotted(("controller", name)))
+            return Remark(f"the feedback is stable with {words}", (slower,))
     return None
 
 
@@ -469,7 +470,7 @@ def warnings(study: Study, name: str) -> list[Remark]:
         remarks.append(judged.remark())
     foreign = rules_of(study, name).unfit()
     if foreign:
-        stays = "a disturbance that does not repeat is learned only as far as it stays for a period"
+        stays = "what does not repeat in a period is learned only as far as it stays the same for a period"
         remarks.append(Remark(f"{foreign}: {stays}"))
     return remarks
 
@@ -509,7 +510,7 @@ def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
         (finer_sensor(loop.study, SAMPLE_COUNTS_LEAST / counts),) if counts and loop.study.scenario else ()
     )
     cures = helping(loop.study, tried, cured)
-    return Remark(f"{few}, which {either(cures)} mends" if cures else few, cures)
+    return Remark(few + cure_words(cures), cures)
 
 
 def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from cogless.design import verdict as learning
 from cogless.design.back_emf import back_emf_warning
-from cogless.design.changes import SPEED_RESERVE, either, first, helping, unit_text
+from cogless.design.changes import SPEED_RESERVE, cure_words, either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.current_needed import noisy_currents, noisy_voltage, starts_after, too_much_current
 from cogless.design.detent import Swing, snaps, stop_claim, swing, turns_from
@@ -87,7 +87,7 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     turning = swing(study, scenario, feedback, begins) if begins is not None else None
     if begins is None or turning is None or not turning.is_certain:
         return Remark(sentence, stop=Stop(scenario, stop_claim(swinging)))
-    turns = f"; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
+    turns = f"; from {speed_text(study, SPEED_RESERVE * begins, 2)} on the rotor turns"
     cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
     cures = (cure,) if study.scenario[scenario].reference.kind == "constant" else ()
     return Remark(sentence + turns, cures, Stop(scenario, stop_claim(swinging), turns))
@@ -216,10 +216,10 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
         return None
     source = edges.source
     every = 1e3 * source.edge / edges.omega
-    comes = f"at {speed_text(study, edges.omega)} an edge comes every {every:.2g} ms"
+    comes = f"at {speed_text(study, edges.omega)} a sensor edge comes every {every:.2g} ms"
     if source.intervals > 1:
-        comes += f" and the speed is the mean over {source.intervals} such intervals"
-    comes += f", the crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
+        comes += f", and the speed is the mean over {source.intervals} such intervals"
+    comes += f"; the loop's crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
 
     late = max(
         STARTED_SHARE * study.scenario[scenario].duration,
@@ -239,8 +239,7 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
     feedbacks = first(study, gentler, lambda other: cured(other, LESS_BY_FEEDBACK))
     finer = helping(study, (finer_sensor(study, factor),), cured)
     cures = (*first(study, younger_speeds(study), cured), *finer, *feedbacks)
-    ways = either(cures, dotted(("controller", name)))
-    return Remark(f"{comes}; {ways} would do" if cures else comes, cures)
+    return Remark(comes + cure_words(cures, dotted(("controller", name))), cures)
 
 
 def _costs(edges: _Edges) -> str:
@@ -251,9 +250,9 @@ def _costs(edges: _Edges) -> str:
     if edges.source.hall:
         remains = "none" if edges.spent else f"{math.degrees(edges.late_margins.phase_margin):.0f} deg"
         return f"{speed_is_late}, which leaves {remains} of the {math.degrees(has):.0f} deg of phase margin"
-    late_costs = f"{speed_is_late}, which costs {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
+    late_costs = f"{speed_is_late}, which takes {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
     high = (
-        "; where the rotor stops and goes the measured speed is too high, by 10 % if every other "
+        "; when the rotor stops and goes, the measured speed is too high: by 10 % if every other "
         "edge takes twice as long"
     )
     return f"{late_costs} of the {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
@@ -284,7 +283,8 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
         )
 
     cures = helping(study, (timed_edges(study),), cured)
-    return Remark(f"{reads}; {either(cures)} times the edges" if cures else reads, cures)
+    timed = f"; {either(cures)} would time the edges, and leave less ripple by calculation"
+    return Remark(f"{reads}{timed}" if cures else reads, cures)
 
 
 def slowest_held_speed(study: Study, scenario: str) -> float:
@@ -355,8 +355,9 @@ def _idle_table(study: Study, scenario: str) -> str:
     fast = float(np.sum(np.abs(way.omega) >= table.omega_min)) * way.step
     if not fast:
         return "the reference never reaches omega_min"
-    settles = f"its observer settles in {table.settling:.3g} s or more above omega_min"
-    return f"{settles}, but the reference is above it for only {fast:.3g} s" if fast <= table.settling else ""
+    settles = f"its observer needs {table.settling:.3g} s or more above omega_min to settle"
+    rests = f"{settles}, but the reference is above omega_min for only {fast:.3g} s"
+    return rests if fast <= table.settling else ""
 
 
 def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:
@@ -384,9 +385,9 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     most = voltage_reach(own_study)
     if top_speed <= most or own_study.drive.inverter is None:
         return None
-    needs = f"its reference of {top_speed / RPM:.4g} rpm needs more voltage than there is"
+    needs = f"its reference of {top_speed / RPM:.4g} rpm needs more than the bus voltage"
     volts = own_study.drive.inverter.bus_voltage
-    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm without load")
+    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm at most, without load")
 
 
 def coarse_table(study: Study) -> list[str]:
@@ -397,8 +398,8 @@ def coarse_table(study: Study) -> list[str]:
     main, highest = main_order(study, 0), table.highest(study.motor.pole_pairs)
     if main <= highest:
         return []
-    tells = f"its {table.points} points tell orders to {highest}, the main order is {main}"
-    return [f"motor.cogging_table: {tells}, which shows as a lower order"]
+    shows = f"its {table.points} points show orders up to {highest}"
+    return [f"motor.cogging_table: {shows}; the cogging's main order, {main}, appears as a lower order"]
 
 
 def shaft_notes(study: Study) -> list[str]:
@@ -409,8 +410,9 @@ def shaft_notes(study: Study) -> list[str]:
     low, high = (w / TURN for w in (shaft.antiresonance, shaft.resonance))
     gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
     return [
-        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; tuning rules take "
-        f"both masses as one, the margins include the shaft{', its gap closed' if gap else ''}"
+        f"mechanics.load_side: the soft shaft has an antiresonance at {low:.4g} Hz and a resonance at "
+        f"{high:.4g} Hz; the margins include it{' with its gap closed' if gap else ''}, but the tuning rules "
+        "take motor and load as one mass"
     ]
 
 
@@ -432,8 +434,7 @@ def loop_remarks(study: Study) -> list[Remark]:
     """Warnings of a current loop that is unstable or weak, with the least change that mends it."""
     lines = loop_warnings(current_loop_summary(study))
     cures = gentler_loop(study) if lines else ()
-    would = f"; {either(cures, 'drive.current_loop')} would do" if cures else ""
-    return [Remark(f"{line}{would}", cures) for line in lines]
+    return [Remark(line + cure_words(cures, "drive.current_loop"), cures) for line in lines]
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
@@ -441,9 +442,10 @@ def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
     warnings = []
     for name, loop in told_apart(loops).items():
         if not loop.margins.stable:
-            warnings.append(f"drive.current_loop: the {name} is unstable, and every speed loop around it")
+            every = "and so is every speed loop around it"
+            warnings.append(f"drive.current_loop: the {name} is unstable, {every}")
         elif loop.weakness:
-            warnings.append(f"drive.current_loop: the {name} is weak: it {loop.weakness} of phase margin")
+            warnings.append(f"drive.current_loop: the {name} {loop.weakness} of phase margin")
     return warnings
 
 

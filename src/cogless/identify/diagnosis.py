@@ -202,8 +202,8 @@ def _without(logs: Sequence[Log]) -> list[str]:
         if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
             remarks.append(
                 Advice(
-                    f"{log.name}: no current: causes of one order cannot be told apart, only how it "
-                    "changes with speed; record i_q.",
+                    f"{log.name}: no current: it shows how an order changes with the speed, but "
+                    "not which cause the order has; record i_q.",
                     recording(signal="i_q", log=log.name),
                 )
             )
@@ -275,7 +275,7 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
                 Advice(
                     f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two "
                     "rows, "
-                    f"which may show it as another order; record {rate:.3g} rows a second, or turn more "
+                    f"which may appear as another order; record {rate:.3g} rows a second, or turn more "
                     "slowly.",
                     recording(rate=rate),
                     recording(speed=abs(part.speed) / (part.log.dt * rate)),
@@ -304,7 +304,7 @@ def _opposed(orders: Sequence[OrderCauses]) -> list[str]:
         if entry.share >= LINE_SHARE_LEAST and entry.causes[0].share > 1 + CANCELLED_SHARE and against:
             remarks.append(
                 f"Order {entry.order} in {entry.log}: {entry.causes[0].name} and {against[-1].name} oppose "
-                "each other; a share is of what is left, so one is above 100 % and the other below 0."
+                "each other; shares are of the ripple that is left, so one is above 100 %, and one below 0."
             )
     return remarks
 
@@ -367,16 +367,16 @@ def answer(diagnosis: Diagnosis) -> str:
     shares = list(by_log.values())
     if name == NO_ORDER:
         return (
-            f"Most of the ripple is of {NO_ORDER} of the rotor that these logs can show: vibration, or slow "
-            "changes of the speed."
+            f"Most of the ripple is of {NO_ORDER} of the rotor that these logs can show: vibration, or "
+            "slow changes of the speed."
         )
     low, high = 100 * min(shares), 100 * max(shares)
     span = f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"
     where = "1 log" if len(logs) == 1 else f"{len(shares)} of {len(logs)} logs"
-    verdict = "which cannot be told apart here, " if OR in name else ""
+    verdict = ", which cannot be told apart here" if OR in name else ""
     if name == BEYOND:
-        verdict = "which they show as a slower wave, "
-    return f"Most of the ripple is {name}, {verdict}{span} of the square of the speed's ripple in {where}."
+        verdict = ", which the logs show as a slower wave"
+    return f"Most of the ripple is {name}{verdict}: {span} of the ripple's square in {where}."
 
 
 def answer_lines(diagnosis: Diagnosis) -> list[str]:
@@ -413,11 +413,10 @@ def sizes(diagnosis: Diagnosis, log: str) -> str:
     size, motion, noise = diagnosis.whole[log], diagnosis.motion(log), diagnosis.noise(log)
     says = [f"{size:.3g} rad/s rms"]
     if motion < (1 - LINE_SHARE_LEAST) * size:
-        says.append(f"the rotor's own {motion:.3g}, the rest is the encoder's error")
+        says.append(f"of this the rotor's motion is {motion:.3g}, the rest is the encoder's error")
     if noise > LINE_SHARE_LEAST:
         says.append(
-            f"{100 * noise:.0f} % of the square of the logged speed's {diagnosis.logged[log]:.3g} is its "
-            "steps and noise"
+            f"steps and noise are {100 * noise:.0f} % of the square of the logged {diagnosis.logged[log]:.3g}"
         )
     return ", ".join(says)
 

@@ -65,7 +65,7 @@ def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Lo
                 Advice(
                     f"{log.name}: i_q follows the speed of {lag} samples earlier (correlation "
                     f"{correlation:.4f}, "
-                    f"{-gain:.3g} A*s/rad): this is the feedback law, and tells little of the motor; "
+                    f"{-gain:.3g} A*s/rad): i_q shows the feedback law, and little of the motor; "
                     "add an acceleration log.",
                     logs_of_kind("acceleration"),
                 )
@@ -93,7 +93,7 @@ def _said_of_bridge_off(identification: Identification, log: Log) -> list[str]:
     if "theta" in log and np.ptp(log["theta"]) > TURN:
         return [
             Advice(
-                f"{log.name}: only the currents' offsets are from this log: with the bridge off it is "
+                f"{log.name}: this log gives only the currents' offsets, since with the bridge off it is "
                 "not known what turns the rotor; if nothing turns it, give the log the kind coast-down.",
                 recording(kind="coast-down", log=log.name),
             )
@@ -332,8 +332,8 @@ def _turned(
             if abs(np.log(size)) > unsure:  # A slipped index would change the wave's phase, not its size.
                 return [
                     f"{name}: order {strongest} is {size:.2g} times that of {first}, and turned by "
-                    f"{np.degrees(turn):.0f} deg: cogging alone would be the same in all logs; the "
-                    "effect of an angle error grows like this with the speed, others may change with load "
+                    f"{np.degrees(turn):.0f} deg. Cogging alone would be equal in all logs; the "
+                    "effect of an angle error grows with the speed, other effects may change with load "
                     "and temperature."
                 ]
             return [
@@ -396,10 +396,9 @@ def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[t
             out |= {wave.order for wave in weaker}
             sentences.append(
                 Advice(
-                    f"Order {' and '.join(str(wave.order) for wave in weaker)} beside {main.order}: cogging "
-                    "and "
-                    f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a "
-                    "faster log.",
+                    f"Order {' and '.join(str(wave.order) for wave in weaker)} near the larger order "
+                    f"{main.order}: cogging and an encoder's error of order {k} ({degrees:.2g} deg) cannot "
+                    "be told apart; add a faster log.",
                     logs_of_kind("constant-speed"),
                 )
             )
@@ -434,8 +433,8 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
     if any(wave.order == poles for wave in cogging) and estimate.offsets is None:
         left_out.append(
             Advice(
-                f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
-                "record currents with the bridge off.",
+                f"Order {poles} is the number of pole pairs: cogging and a current offset cannot be told "
+                "apart; record currents with the bridge off.",
                 logs_of_kind("bridge-off"),
             )
         )

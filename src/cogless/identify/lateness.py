@@ -128,9 +128,9 @@ def _part(profiles: Sequence[Profile], delay: Value) -> Value:
 
 def _misfit_remark(misfit: float, log: str) -> str:
     return (
-        f"{log}: i_q does not follow the angle as under the described controller "
-        f"({100 * misfit:.0f} % differs), so the delay is known only to half a period of the law: its "
-        "gains, or the drive's rates, filter or bandwidth, differ from the described ones."
+        f"{log}: i_q does not follow the angle as the described controller would make it "
+        f"({100 * misfit:.0f} % differs): its gains, or the drive's rates, filter or bandwidth, are not as "
+        "described. So the delay is known only to half a period of the law."
     )
 
 

@@ -104,7 +104,7 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
         if least > min(most / 3, with_load):
             raise StudyError(
                 f"{_voltage(study)}: expected more: cogging stops this rotor below {least / RPM:.3g} rpm, so "
-                f"the plan needs {3 * least / RPM:.3g} rpm, but the voltage reaches only {most / RPM:.3g}"
+                f"the plan needs {3 * least / RPM:.3g} rpm, but the voltage reaches only {most / RPM:.3g} rpm"
             )
         v = max(v, 1.5 * least)  # at most half of what the voltage reaches
         slow = loaded = least / v
@@ -216,8 +216,9 @@ def lowered(study: AnyStudy) -> str:
     if study.drive.inverter is None or _top(played) < AT_LIMIT * most:
         return ""
     return (
-        f"The plan's speeds end at {most / RPM:.4g} rpm: at more {study.drive.inverter.bus_voltage:.4g} V "
-        "are too little for the current that friction, cogging and reversals take."
+        f"The plan's speeds end at {most / RPM:.4g} rpm: above this speed a bus voltage of "
+        f"{study.drive.inverter.bus_voltage:.4g} V is too low for the current that friction, cogging and "
+        "reversals need."
     )
 
 

@@ -73,9 +73,9 @@ def missed(study: Study, estimate: Estimate) -> list[str]:
     sentences = []
     if wrong:
         sentences.append(
-            f"The plan's logs would mislead: the study's cogging of order {named(wrong)} comes out worse "
-            "than not at all, since the law does not hold the rotor at their speeds."
+            f"The plan's logs would mislead: cogging of order {named(wrong)}, identified from them, would be "
+            "worse than no value, since the law does not hold the rotor at the plan's speeds."
         )
     if without:
-        sentences.append(f"The plan's logs would not tell the study's cogging of order {named(without)}.")
+        sentences.append(f"The plan's logs would not show the study's cogging of order {named(without)}.")
     return sentences

@@ -37,7 +37,7 @@ REPLAY_ROWS_MOST = 10  # most rows of a trace for each row of its log: the delay
 TRACE_SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")
 MORE_DEAD_TIME = 0.002  # periods of the current loop: it shows, and is so small that its effect is linear
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: no drive has a longer one
-UNCORRECTED = "So the delay is known only to half a period of the law."
+UNCORRECTED = "Without a simulation the delay is known only to half a period of the law."
 RATE_DIFFERENCE = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
@@ -187,8 +187,8 @@ def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str,
             without = ", ".join(sorted(controlled - traces.keys()))
             sentence = (
                 f"Not simulated: {without}. {UNCORRECTED} To be simulated, a log needs "
-                f"{estimate.identification.replay_rule}, a current loop whose rate is a multiple of its "
-                "rows' rate, and no cogging table switched on."
+                f"{estimate.identification.replay_rule}, a current loop whose rate is a multiple of the "
+                "rate of its rows, and no cogging table switched on."
             )
             if not traces:
                 return _with_remark(first, Agreement(sentence)), traces

@@ -40,7 +40,7 @@ def sentences(orders: Sequence[OrderCauses]) -> list[str]:
             remarks.append(
                 Advice(
                     at.format("grows")
-                    + ": the encoder's error, or a torque that the controller holds down where it is slow; "
+                    + ": the encoder's error, or a torque whose ripple the controller reduces at low speed; "
                     "record i_q.",
                     recording(signal="i_q"),
                 )
@@ -66,7 +66,7 @@ def _fixed(orders: Sequence[OrderCauses]) -> list[str]:
     if len(best) < 2:
         return []
     at = [f"order {entry.order} in {entry.log}" for entry in best]
-    says = f"{_hertz(best[0]):.3g} Hz is {', '.join(at[:-1])} and {at[-1]}: "
+    says = f"{_hertz(best[0]):.3g} Hz is the frequency of {', '.join(at[:-1])} and of {at[-1]}: "
     if len(best) == 2:
         return [
             Advice(

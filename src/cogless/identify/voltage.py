@@ -133,7 +133,7 @@ def _of_motion(
         else:
             cure[f"columns.{signal}.scale"] = float(f"{column.scale * scale:.10g}")
     return Advice(
-        f"{log.name}: by the voltage, K_t is {times:.3g} of that in {identification.described_in}: "
+        f"{log.name}: by the voltage, K_t is {times:.3g} times that in {identification.described_in}: "
         f"{' and '.join(identification.columns[signal].name for signal in signals)} look {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
@@ -147,7 +147,7 @@ def _of_current(identification: Identification, log: Log, times: float, says: st
         if signal in log and signal in identification.columns
     }
     return Advice(
-        f"{log.name}: by the voltage, R is {times:.3g} of that in {identification.described_in}: "
+        f"{log.name}: by the voltage, R is {times:.3g} times that in {identification.described_in}: "
         f"{identification.columns['i_q'].name} is 1000 times too {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
@@ -199,23 +199,22 @@ def check(identification: Identification, logs: Sequence[Log]) -> list[str]:
 
 def _of_k_t(identification: Identification, measured: Value) -> str:
     described = identification.motor.star().K_t
-    says = f"The voltage says K_t = {measured.value:.4g} +- {measured.error:.2g} N*m/A"
+    says = f"By the voltage, K_t is {measured.value:.4g} +- {measured.error:.2g} N*m/A"
     if abs(measured.value - described) <= measured.error:
         return Agreement(f"{says}, as {identification.described_in} has it ({described:.4g}).")
     says += f"; {identification.described_in} has {described:.4g}"
     if abs(measured.value - described) <= K_T_DIFFERENCE * described + measured.error:
         return (
-            f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, have the "
-            "same effect, so it is open which value is right; all torques are in proportion to it."
+            f"{says}. Magnets that are 50 K warmer, or a wrong gain of the voltage's measurement, would also "
+            "make this difference, so it is open which value is right; all torques are in proportion to K_t."
         )
     if measured.value <= 2 * measured.error:
         return f"{says}: the signs of u_q, of i_q and of the angle do not fit each other."
     times = max(described / measured.value, measured.value / described)
     mixed = mixed_up(times, measured.error / measured.value)
     return Advice(
-        f"{says}{mixed}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is "
-        "K_t_rms) or "
-        "kv.",
+        f"{says}{mixed}: all torques are in proportion to K_t; correct motor.K_t, or K_t_rms if it is per "
+        "rms ampere, or kv.",
         {"motor.K_t": f"{measured.value:.6g} N*m/A"},
     )
 
@@ -228,10 +227,10 @@ def _of_r(identification: Identification, measured: Value) -> list[str]:
         return []
     return [
         Advice(
-            f"The voltage says R = {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times that of "
-            f"the file of columns ({described:.3g}): i_q is in rms amperes, which makes all torques sqrt(2) "
-            "too small, or the winding "
-            f"is {TEMPERATURE_RISE:.0f} K warmer; record i_a and i_b, which decide it.",
+            f"By the voltage, R is {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times that of "
+            f"the file of columns ({described:.3g}). Either i_q is in rms amperes, and all torques are "
+            f"sqrt(2) times too small, or the winding is {TEMPERATURE_RISE:.0f} K warmer; record i_a and i_b "
+            "to decide this.",
             recording(signal="i_a"),
         )
     ]

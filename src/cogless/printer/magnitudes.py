@@ -46,7 +46,7 @@ CURVE_SPEEDS = 40
 RUNS_NOTE = (
     "Amplitude of the carriage's displacement that each order of the electrical revolution causes. It is "
     "computed from the carriage's motion at the frequencies of the runs. The model of the axis is a mass on "
-    "a belt, pulled by a rotor that its magnetic field holds like a spring. A picture ends at the highest "
+    "a belt, pulled by a rotor, which a magnetic field holds like a spring. A picture ends at the highest "
     f"frequency of the runs. Near a resonance the carriage moves more than {RESONANCE_RATIO:g} times as far "
     "as the motor. The curves are cut there, and the ripple is larger than they show. The curve with the "
     "correction is not a measurement: it shows the ripple that the error of the correction may leave."
@@ -105,11 +105,13 @@ def check_speed(axis: Axis, speed: float, resonances: Sequence[float], where: st
         if near is not None:
             better = quiet_speed(axis, resonances, speed)
             advice = (
-                "a lower damped axis" if better is None else f"another speed, such as {1e3 * better:.0f} mm/s"
+                "an axis with other resonances"
+                if better is None
+                else f"another speed, such as {1e3 * better:.0f} mm/s"
             )
             raise StudyError(
-                f"{where}: {1e3 * speed:.4g} mm/s: order {n} has {frequency:.0f} Hz there, on the resonance "
-                f"at {near:.0f} Hz: expected {advice}"
+                f"{where}: {1e3 * speed:.4g} mm/s: order {n} is at {frequency:.0f} Hz there, on the "
+                f"resonance at {near:.0f} Hz: expected {advice}"
             )
 
 
@@ -213,7 +215,7 @@ def identify_magnitudes(axis: Axis, records: Sequence[SpeedRun], where: str) -> 
         silent = next((n for n, values in estimates.items() if not values), None)
         if silent is not None:
             raise StudyError(
-                f"{where}: order {silent} is not heard at {', '.join(f'{1e3 * s:.4g}' for s in speeds)} "
+                f"{where}: order {silent} is lost in noise at {', '.join(f'{1e3 * s:.4g}' for s in speeds)} "
                 "mm/s: expected runs with different corrections, another speed, or a quieter fan"
             )
         psi = {n: _mean(values)[0] for n, values in estimates.items()}

@@ -54,14 +54,14 @@ PACES = {
     **dict.fromkeys((1.15, 1.21, 1.28, 1.36, 1.45, 1.55, 1.66, 1.78, 1.9, 2.02), 2 * START_GRID),
 }
 HIDDEN_PACE = (
-    "In this noise a wrong number of pulley teeth, or a wrong step angle, may not show: check both, or "
-    "switch fans off for the log."
+    "The log is so noisy that a wrong number of pulley teeth, or a wrong step angle, may go unnoticed: check "
+    "both, or record the log with the fans off."
 )
 RAMPS_NOTE = (
-    "Amplitude of the carriage's way by each order of the electrical revolution, as the ramps show it. What "
-    "the correction leaves is computed from the ramps with the probe. Noise and the model's own error hide "
-    "what is below the dotted line. A ramp passes a resonance quickly, so the peak is too low: at a constant "
-    "speed there, the ripple is a few times larger."
+    "Amplitude of the carriage's displacement that each order of the electrical revolution causes in the "
+    "ramps. The ripple with the correction is computed from the ramps with the probe. Noise and the error of "
+    "the model hide a ripple below the dotted line. A ramp passes a resonance quickly, so the peak is too "
+    "low: at a constant speed there, the ripple is a few times larger."
 )
 MODE_WIDTH = 3.0  # Hz, over which the spectrum is smoothed
 MODE_LEAST = 15.0  # Hz, lowest mode
@@ -222,9 +222,9 @@ def check_pace(run: Run, start: float, move: Move, wavelength: float) -> str:
                 best, best_energy = pace, energy
     if best_energy > own_energy + by_chance:
         raise StudyError(
-            f"{run.name}: the move is about {best:.2f} times as fast as {1e3 * move.length:.4g} mm with "
-            f"up to {1e3 * move.top_speed:.4g} mm/s: expected the --drive-config file of --plan, and a "
-            "correct clock"
+            f"{run.name}: the move is about {best:.2f} times as fast as the planned {1e3 * move.length:.4g} "
+            f"mm with up to {1e3 * move.top_speed:.4g} mm/s: expected the --drive-config file of --plan, "
+            "and a correct clock"
         )
     return HIDDEN_PACE if best_energy > own_energy - by_chance else ""
 
@@ -258,8 +258,9 @@ def check_duration(run: Run, start: float, move: Move) -> None:
     ratio = half_time(run.times, run.acceleration) / expected
     if abs(ratio - 1) > DURATION_MISS + DURATION_SIGMAS * doubt / expected:
         raise StudyError(
-            f"{run.name}: the move takes about {ratio:.2f} times as long as {1e3 * move.length:.4g} mm with "
-            f"up to {1e3 * move.top_speed:.4g} mm/s: expected the --drive-config file of --plan"
+            f"{run.name}: the move takes about {ratio:.2f} times as long as the planned "
+            f"{1e3 * move.length:.4g} mm with up to {1e3 * move.top_speed:.4g} mm/s: expected the "
+            "--drive-config file of --plan"
         )
 
 
@@ -380,12 +381,14 @@ def other_causes(axis: Axis, run: Run, start: float, modes: tuple[float, ...]) -
     remarks = []
     if modes:
         names = " and ".join(f"{f:.0f}" for f in modes)
-        remarks.append(f"Ringing {run.direction} at {names} Hz at all speeds: not the motor's orders.")
+        remarks.append(
+            f"The carriage rings {run.direction} at {names} Hz at all speeds: no order of the motor does."
+        )
     way, doubt = tooth_way(run, start, ramp(axis), axis)
     if way > doubt:
         remarks.append(
-            f"Belt tooth {run.direction}: {1e6 * way:.2g} um, a stripe every "
-            f"{1e3 * axis.belt_pitch * axis.path_share:.3g} mm; no correction takes it out."
+            f"The belt's teeth cause {1e6 * way:.2g} um {run.direction}, a stripe every "
+            f"{1e3 * axis.belt_pitch * axis.path_share:.3g} mm; no correction removes it."
         )
     return remarks
 
@@ -459,9 +462,9 @@ def wrong_wavelength(name: str, axis: Axis, factor: float) -> StudyError:
         cures.append({"printer.step_angle": f"{step * factor:.6g} deg"})
     expected = " or ".join(f"{key} = {toml(value)}" for cure in cures for key, value in cure.items())
     return StudyError(
-        f"{name}: the probe acts as with an electrical turn {'twice' if factor > 1 else 'half'} as long as "
-        f"printer.pulley_teeth = {axis.pulley_teeth} and printer.step_angle = "
-        f"{toml(f'{step:.6g} deg')} give: expected {expected}"
+        f"{name}: the probe acts as if an electrical turn were {'twice' if factor > 1 else 'half'} as long "
+        f"as with printer.pulley_teeth = {axis.pulley_teeth} and printer.step_angle = "
+        f"{toml(f'{step:.6g} deg')}: expected {expected}"
     ).advising(*cures)
 
 
@@ -595,7 +598,7 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
     if max(pair.change for pair in pairs.values()) < CHANGE_LEAST:
         raise StudyError(
             f"{second.name}: the probe has no effect, compared with {first.name}: expected a printer whose "
-            "SET_PHASE_CORRECTION acts, and a log of its own for each ramp"
+            "SET_PHASE_CORRECTION acts, and a separate log for each ramp"
         )
     hidden = check_wavelength(second.name, axis, own, twice) or hidden
     psi: dict[int, complex] = {}

@@ -53,7 +53,7 @@ def stripe_causes(
         Cause(
             "order",
             turn / teeth / n,
-            f"motor, electrical order {n}: {ORDER_CAUSES[n]}; a correction of order {n} takes it out",
+            f"motor, electrical order {n}: {ORDER_CAUSES[n]}; a correction of order {n} removes it",
             n,
         )
         for n in MOTOR_ORDERS
@@ -66,7 +66,9 @@ def stripe_causes(
         )
         for k in TOOTH_HARMONICS
     ]
-    candidates.append(Cause("pulley", turn, "pulley, once a turn: eccentric; no table of the motor helps"))
+    candidates.append(
+        Cause("pulley", turn, "pulley, once a turn: it is eccentric; no table of the motor helps")
+    )
     near = [cause for cause in candidates if abs(cause.spacing / spacing - 1) <= STRIPE_TOLERANCE]
     near.sort(key=lambda cause: abs(cause.spacing / spacing - 1))
     if RINGING_RANGE[0] <= frequency <= RINGING_RANGE[1]:

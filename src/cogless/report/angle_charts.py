@@ -99,9 +99,9 @@ DRAWN_MAGNITUDE_LEAST = 1e-4  # smaller magnitudes are drawn as this
 
 SENSITIVITY_NOTE = (
     "The share of a disturbance that is left in the speed at each frequency, by the linear model of cogless "
-    "design at the scenario's fastest speed; above 0 dB a frequency is made worse. Full: with learning, once "
-    "it has settled, for what repeats with the angle. Fainter: learning off. Faintest: with learning, for "
-    "what lies midway between two repeating frequencies, which learning amplifies."
+    "design at the scenario's fastest speed. Above 0 dB the controller makes this frequency worse. Full "
+    "curves: learning has settled, for what repeats with the angle. Fainter curves: learning off. Faintest "
+    "curves: with learning, midway between two repeating frequencies; learning amplifies what is there."
 )
 
 
@@ -283,10 +283,10 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
         grows = _expected(study, name)
         rising = f"grows at {line:.0f} Hz" if line is not None else ""
         if name in worse:
-            label = f"Worse with time: {called(study, name)}"
-            than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"
+            label = f"{called(study, name)} gets worse with time: until {worse[name]:.0f} s it is"
+            than = f"{label} no worse than {called(study, study.baseline)}"
             cause = f"; its current {rising}" if rising else ""
-            lines.append(f"{than}, then worse{cause}{_foreseen_words(grows)}.")
+            lines.append(f"{than}, then it is worse{cause}{_foreseen_words(grows)}.")
         elif rising and grows:
             lines.append(f"The current of {called(study, name)} {rising}{_foreseen_words(grows)}.")
     return lines
@@ -314,11 +314,11 @@ def _foreseen_words(grows: str | None) -> str:
 CRITERION_POINTS = 600  # frequencies of a curve
 
 CRITERION_NOTE = (
-    "By which factor what is learned changes from period to period, at each frequency, by cogless design: "
-    "below one it settles, above one it grows. Full: at the scenario's fastest speed, faint: at the slowest "
-    "that is judged, both without acceleration. "
-    "An upright line marks what grew in the run: the spectrum of its q current as learning goes on beside "
-    "that when it began; a trace shows frequencies up to half its rate."
+    "The factor by which a period of learning changes what was learned, at each frequency, by the model of "
+    "cogless design: below one it settles, above one it grows. Full curves: at the scenario's fastest speed. "
+    "Faint curves: at the slowest speed that is judged. Both are without acceleration. An upright line marks "
+    "a frequency that grew in the run: the q current has more of it late in learning than when learning "
+    "began. A trace shows frequencies up to half its rate."
 )
 
 

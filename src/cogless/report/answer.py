@@ -110,7 +110,7 @@ def _revolution(results: Results, pair: Contrast, drawn: DrawnSignal) -> list[Ov
         step = thinned[0][1] * runs[0].trace.period
         curves = [curve for curve, _ in thinned]
         start, x, x_unit = float(begin), "time (s)", "s"
-        title, cycles = f"{drawn.quantity.capitalize()} over the time", 0
+        title, cycles = f"{drawn.quantity.capitalize()} over time", 0
     series = [
         Curve(
             controller=place(results, run), label="", text=pair.line.value_text(run.controller), values=curve
@@ -219,7 +219,7 @@ def _ripple(results: Results, runs: Sequence[Run], pair: Contrast, drawn: DrawnS
     ]
     return [
         OverGrid(
-            title=f"{quantity[0].upper()}{quantity[1:]} of the last {while_}, over the time",
+            title=f"{quantity[0].upper()}{quantity[1:]} of the last {while_}, over time",
             x="time (s)",
             quantity=quantity,
             unit=drawn.unit,

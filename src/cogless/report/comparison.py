@@ -69,8 +69,8 @@ def _reason_in_rows(results: Results, run: Run, rows: slice) -> str | None:
 
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
-RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"
-TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
+RESTS, VARIES = "the reference is at rest", "the reference varies, which would count as ripple"
+TORQUE_NOTE = "an outer loop sets the current there, so no speed is held"
 TOO_FEW_TURNS = "less than one turn"  # in place of the value of an order
 THROUGHOUT = "throughout"  # when the guard held learning back: in all of a window
 WHOLE_WINDOW_SHARE = 0.99  # least time held back / a window's time that counts as throughout
@@ -307,7 +307,7 @@ def unjudged(metric: Metric, run: Run, rows: slice, torque: bool = False) -> str
 
 
 def guarded(results: Results, run: Run, rows: slice) -> str:
-    """When in these rows the guard held a run's learning back, such as "3.5 to 5.1 s"; "" if hardly ever.
+    """When in these rows the guard held a run's learning back, such as "from 3.5 to 5.1 s"; "" if not.
 
     THROUGHOUT if the guard did so in at least WHOLE_WINDOW_SHARE of the time.
     """
@@ -320,7 +320,7 @@ def guarded(results: Results, run: Run, rows: slice) -> str:
     time = run.trace.time[rows]
     if held_time >= WHOLE_WINDOW_SHARE * (time[-1] - time[0]):
         return THROUGHOUT
-    return f"{guard_spans[0][0]:.3g} to {guard_spans[-1][1]:.3g} s"
+    return f"from {guard_spans[0][0]:.3g} to {guard_spans[-1][1]:.3g} s"
 
 
 def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
@@ -342,7 +342,7 @@ def not_judged(lines: Sequence[Line]) -> list[str]:
             by_reason.setdefault(line.unjudged, []).append(line.quantity)
     return [
         f"{quantities[0]}{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
-        f"not judged, since {why}{'; omega_error shows the remaining error' if why == VARIES else ''}"
+        f"not judged, since {why}{'; the signal omega_error has the error' if why == VARIES else ''}"
         for why, quantities in by_reason.items()
     ]
 
@@ -351,7 +351,9 @@ def error_metric(study: StudyBase) -> Remark:
     """The advice to add a metric that judges the speed where its reference varies."""
     metric = {"name": "speed_error", "kind": "rms", "signal": "omega_error"}
     own = study.source.tables.get("metric", [])
-    return Remark('add a metric of kind = "rms" and signal = "omega_error"', ({"metric": [*own, metric]},))
+    return Remark(
+        'add a [[metric]] with kind = "rms" and signal = "omega_error"', ({"metric": [*own, metric]},)
+    )
 
 
 def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
@@ -361,15 +363,15 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
         for controller, when in line.guarded.items():
             by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
-        f"the guard held the learning of {study.label(c)} back, {when}, where it is frozen, gentler or "
-        f"without effect: {_harm(study, c, within) or _affected(when, within[0])}"
+        f"the guard held back the learning of {study.label(c)} {when} (frozen, gentler or without effect): "
+        f"{_harm(study, c, within) or _affected(when, within[0])}"
         for c, (when, within) in by_controller.items()
     ]
 
 
 def _affected(when: str, line: Line) -> str:
     """How much of a metric's value is from a time with less learning, as a clause."""
-    return f"its {line.quantity} is {'all' if when == THROUGHOUT else 'in part'} from this time"
+    return f"{'all' if when == THROUGHOUT else 'a part'} of its {line.quantity} is from this time"
 
 
 def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
@@ -390,9 +392,9 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
         return ""
     compared = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
     if own is None:
-        return f"its ripple there is {compared}, which has another feedback"
+        return f"its ripple is then {compared}, which has another feedback"
     why = DESIGNS[study.kind].likely_harm(study, controller)
-    return f"learning does harm here, {compared}{f' ({why})' if why else ''}"
+    return f"learning does harm here, with {compared}{f' ({why})' if why else ''}"
 
 
 def _own_feedback(study: StudyBase, controller: str, lines: Sequence[Line]) -> str | None:

@@ -88,7 +88,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
                 if math.isfinite(_limit_ratio(peak))
                 else "no number"
             )
-            over.append(f"{label} {current} of {peak.current_limit:.3g} A")
+            over.append(f"{label} {current} (limit {peak.current_limit:.3g} A)")
         how = next((text for response in run.faults if (text := _lost(results, run, response))), None)
         if how is not None:
             lost.append(f"{label} ({how})")
@@ -103,7 +103,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     sentences = [
         f"{effect}: {', '.join(whose)}."
         for effect, whose in (
-            ("The current is beyond its limit", over),
+            ("The current exceeds its limit", over),
             ("Afterwards the speed is not held", lost),
             (f"Afterwards there is more ripple than {than}", worse),
         )
@@ -111,7 +111,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     ]
     if sentences:
         return "worse" if over or lost else "even", " ".join(sentences)
-    usual = f"Afterwards the ripple is about what it {'is without the fault' if twin else 'was'}"
+    usual = f"Afterwards the ripple is about as {'without the fault' if twin else 'before'}"
     if judged == cases:
         return "better", f"{usual}."
     return "even", f"{usual}, where this can be judged." if judged else ""
@@ -133,7 +133,7 @@ def _sentence(results: Results, run: Run, response: Response) -> str:
     ]
     if response.largest_current is not None:
         current = number(response.largest_current)
-        parts.append(f"largest current {current} A of {response.current_limit:.3g} A")
+        parts.append(f"largest current {current} A (limit {response.current_limit:.3g} A)")
     return re.sub(UNBROKEN, "\N{NO-BREAK SPACE}", "; ".join(part for part in parts if part)) + "."
 
 

@@ -49,7 +49,7 @@ def render(identified: Identified) -> str:
 
 def _values(estimate: Estimate) -> str:
     rows = [(line[:30].strip(), line[30:].strip()) for line in value_lines(estimate)]
-    return text_table("", "Values", ("Value", "with its error"), rows) or note("Nothing could be told.")
+    return text_table("", "Values", ("Value", "with its error"), rows) or note("Nothing could be identified.")
 
 
 def write_plot(estimate: Estimate, path: Path) -> None:
@@ -156,7 +156,7 @@ def _logs(estimate: Estimate) -> str:
             f"{100 * float(np.std(others)) / spread:.2g} % of its current",
         ]
         body.append(cells)
-    names = ("Log", "kind", "rows", "not explained, rms", "error when predicted by the others")
+    names = ("Log", "kind", "rows", "not explained, rms", "error if predicted from the other logs")
     return text_table("numbers", "Logs", names, body)
 
 

@@ -38,11 +38,11 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
         return f"{number(value / scale)} {unit}".rstrip()
 
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
-    own = f"instead of {with_unit(limits.value)} it would leave"
-    text = f"What limits {called(study, limits.controller)}: {own} {listed(parts)}."
+    own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
+    text = f"What limits {own}: further runs left {listed(parts)}."
     for cure in limits.advised:
-        text += f" Tried as {'a setting' if cure.setting else 'other hardware'}:"
-        text += f" with {setting(study, cure.changes)}{_sensor(cure)} it leaves {with_unit(cure.value)}"
+        text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
+        text += f" {setting(study, cure.changes)}{_sensor(cure)} left {with_unit(cure.value)}"
         text += f"{_costs(cure)}.{_of_learner(study, limits, cure, with_unit)}"
     return Remark(text, tuple(cure.changes for cure in limits.advised))
 
@@ -54,9 +54,9 @@ def _of_learner(study: StudyBase, limits: Limits, cure: Cure, with_unit: Callabl
         return ""
     name = called(study, learner.controller)
     if cure.learner is None:
-        return f" {name} then does not hold the speed."
+        return f" {name} then did not hold the speed."
     before = "not holding the speed" if learner.value is None else with_unit(learner.value)
-    return f" {name} then leaves {with_unit(cure.learner)} instead of {before}."
+    return f" {name} then left {with_unit(cure.learner)} instead of {before}."
 
 
 def setting(study: StudyBase, changes: Changes) -> str:
@@ -72,8 +72,8 @@ def setting(study: StudyBase, changes: Changes) -> str:
 
 def _cause_words(cause: Cause) -> str:
     """How a run would be without the cause; two causes that only act together are named together."""
-    words = " and ".join(CAUSES[name] for name in cause.names)
-    return WITHOUT.get(cause.name, f"without {words}" if len(cause.names) == 1 else f"without both {words}")
+    words = " and ".join(WITHOUT.get(name, f"without {CAUSES[name]}") for name in cause.names)
+    return words if len(cause.names) == 1 else f"both {words}"
 
 
 def _sensor(cure: Cure) -> str:

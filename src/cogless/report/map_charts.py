@@ -20,9 +20,9 @@ SPREAD_PERIODS = 8  # last revolutions, from which a polar map's spread is compu
 MOST_ROWS = 1_000_000  # last rows that are read for the spread: all of a long trace would take gigabytes
 
 MAP_NOTE = (
-    "The current that each controller has learned over one revolution, as it stands at the end of the run. "
-    "In the circle, whose middle line is zero: the mean over the last revolutions, and in the band the least "
-    "and the largest at each angle."
+    "The current that each controller has learned over one revolution, at the end of the run. The middle "
+    "line of the circle is zero. The curve is the mean over the last revolutions; the band reaches from the "
+    "least to the largest value at each angle."
 )
 
 

@@ -35,7 +35,8 @@ REVERSAL_SHARE = 0.01  # share of the rotor's travel: turning back by less is ig
 
 SPECTRA_NOTE = (
     "Amplitude of each order, integrated over angle in the last whole revolutions of the run. The baseline's "
-    "bars are the ripple without learning; the short line above a bar is where that controller itself began."
+    "bars are the ripple without learning. The short line above a bar is that controller's amplitude in its "
+    "first revolution."
 )
 
 
@@ -214,13 +215,14 @@ CHART_ORDER_MOST = 120  # highest mechanical order of a piece
 PIECE_SLACK = 0.05
 
 WATERFALL_NOTE = (
-    "Amplitude of each order of the mechanical revolution at each speed: the fuller the colour, the larger, "
-    "over two decades. What the angle excites stands upright; a resonance runs across, because its "
-    "order falls as the speed rises."
+    "Amplitude of each order of the mechanical revolution at each speed. A fuller colour is a larger "
+    "amplitude; the colours cover two decades. What depends on the angle makes an upright line. A resonance "
+    "runs across the chart, because its order falls as the speed rises."
 )
 TRACKING_NOTE = (
-    "The strongest orders of the speed error, one piece of whole revolutions after the other: over the "
-    "speed where that sweeps, else over time, which shows how fast each frequency is learned."
+    "The strongest orders of the speed error. Each point is from a piece of whole revolutions. The points "
+    "are drawn over the speed if the speed sweeps, else over time, which shows how fast each frequency is "
+    "learned."
 )
 
 

@@ -384,7 +384,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 def _doubts(case: _Case) -> list[str]:
     """Sentences on winners whose next run may end otherwise, as their design says."""
     return [
-        f"{case.label(c)} may leave more in another run, such as with --set seed=1: {why}."
+        f"In another run, such as with --set seed=1, {case.label(c)} may leave more: {why}."
         for c in case.winners
         if case.learns(c) and (why := doubt(case.study, c))
     ]
@@ -409,10 +409,10 @@ def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = 
     if part is None or not blurred:
         return case, ""
     values = listed([f"{case.label(c)} {case.line.value_text(c)} ({part.percent(c)})" for c in blurred])
-    whose = "the sensor's own error, which no law can see (its share of the square)"
-    own = f"Most of the true {case.line.quantity} is {whose}: {values}."
+    whose = "the sensor's own error, which no law can see (in brackets: its share of the square)"
+    own = f"Most of the true {case.line.quantity} comes from {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        remainder = f"In the measured values there is left: {case.values_in_words(blurred, part.seen)}."
+        remainder = f"The measured values show: {case.values_in_words(blurred, part.seen)}."
         return case, remainder if limited else f"{own} {remainder}"
     lines = [part.seen if line is case.line else line for line in case.lines]
     return replace(case, line=part.seen, lines=lines), own
@@ -510,7 +510,7 @@ def learning_helps(case: _Case) -> LearningHelps | None:
 def _has(line: Line, values: str, several: bool = False) -> str:
     """What a controller leaves, in words, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
     if line.kind == "dip":
-        return f"{'are' if several else 'is'} thrown off by {values} ({line.quantity})"
+        return f"{'deviate' if several else 'deviates'} by up to {values} ({line.quantity})"
     return f"{'leave' if several else 'leaves'} {values} of {line.quantity}"
 
 
@@ -592,7 +592,7 @@ def _strongest_order(case: _Case) -> str:
         return ""
     names = dict.fromkeys([*case.winners, *case.ranked[:2], compared])
     values = case.values_in_words([c for c in names if c in orders[0].values], orders[0])
-    return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {values}."
+    return f"In the strongest order, {orders[0].order:g} ({orders[0].frame}): {values}."
 
 
 def _without_learning(case: _Case) -> str:
@@ -606,7 +606,7 @@ def _without_learning(case: _Case) -> str:
     if best == rival:
         nearest = learning[0]
         return (
-            f"{label(best)} doesn't learn; the best that learns is {label(nearest)} with "
+            f"{label(best)} doesn't learn; the best controller that learns is {label(nearest)} with "
             f"{line.value_text(nearest)}."
         )
     ratio = line.ratio(rival, best)
@@ -633,7 +633,9 @@ def _worse(case: _Case, controller: str, other: str) -> str:
         f"{times(ratio)} the {line.quantity} ({line.value_text(controller)} against {line.value_text(other)})"
         for ratio, line in worst[:METRICS_MOST]
     ]
-    return f"Against {case.label(other)}, {case.label(controller)} has {listed(parts)}." if parts else ""
+    return (
+        f"Compared with {case.label(other)}, {case.label(controller)} has {listed(parts)}." if parts else ""
+    )
 
 
 def _costs(case: _Case) -> str:
@@ -648,14 +650,14 @@ def _costs(case: _Case) -> str:
             continue
         compared += 1
         if ratio > 1 + COST_LEAST:
-            more = f"+{100 * (ratio - 1):.0f} %" if ratio < 2 else f"{times(ratio)} the"
+            more = f"{100 * (ratio - 1):.0f} % more" if ratio < 2 else f"{times(ratio)} the"
             costs.append(f"{more} {line.quantity} ({line.value_text(best)})")
     if costs:
-        return f"Against {case.label(case.baseline)}, {case.label(best)} costs {listed(costs)}."
+        return f"Compared with {case.label(case.baseline)}, {case.label(best)} has {listed(costs)}."
     if not compared:
         return ""
     whose = f"with {case.label(best)} than with {case.label(case.baseline)}"
-    other = "The other number isn't" if compared == 1 else f"None of the {compared} other numbers is"
+    other = "The other metric isn't" if compared == 1 else f"None of the {compared} other metrics is"
     return f"{other} worse {whose}."
 
 
@@ -666,12 +668,13 @@ def _rest(case: _Case) -> str:
     others = [c for c in case.ranked if c not in named]
     if not others:
         return ""
+    the_others = f"The other controller{'s' * (len(others) > 1)}"
     if base not in case.ranked:
-        return f"The others: {case.values_in_words(others)}."
+        return f"{the_others}: {case.values_in_words(others)}."
     parts = [
         f"{case.label(c)} {case.line.value_text(c)} ({change_words(case.against(c, base))})" for c in others
     ]
-    return f"The others against {case.label(base)}: {listed(parts)}."
+    return f"{the_others}, compared with {case.label(base)}: {listed(parts)}."
 
 
 def _failures(case: _Case) -> list[str]:
@@ -688,5 +691,5 @@ def _failures(case: _Case) -> list[str]:
     for line in case.lines:
         unsettled = [case.label(c) for c, v in line.values.items() if v is None and c not in line.missed]
         if line.kind == "settling" and unsettled:
-            sentences.append(f"In {line.quantity}, {listed(unsettled)} never settled.")
+            sentences.append(f"{listed(unsettled)} never settled (metric: {line.quantity}).")
     return sentences

@@ -84,8 +84,8 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
     details = [f"{failed} runs failed; sweep.parquet has their errors."] if failed else []
     if not limited:
         details.append(
-            "No metric has a limit; with limit = ... in a metric's table, the share of variants that "
-            "keep it is told."
+            "No metric has a limit. With limit = ... in a metric's table, this page shows the share of "
+            "variants that keep it."
         )
     return ScenarioVerdict(
         scenario, _tone(results, limited), _headline(results, runs, limited), details, parts
@@ -98,13 +98,13 @@ def _headline(results: SweepResults, runs: Runs, limited: Sequence[Sequence[Spre
     if not limited:
         return f"How {count} variants spread, by controller."
     shares = _shares(results, limited)
-    parts = [f"{results.study.label(name)} in {_percent(share)}" for name, share in shares.items()]
+    parts = [f"{results.study.label(name)} {_percent(share)}" for name, share in shares.items()]
     what = (
         f"{_name(limited[0][0].column).capitalize()} keeps its limit"
         if len(limited) == 1
         else "All limits are kept"
     )
-    return f"{what}, of {count} variants: {listed(parts)}."
+    return f"{what} in this share of {count} variants: {listed(parts)}."
 
 
 def _shares(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> dict[str, float]:
@@ -143,7 +143,9 @@ def _sentence(spread: Spread) -> str:
     parts = []
     if spread.within is not None and spread.interval is not None:
         low, high = spread.interval
-        parts.append(f"{_percent(spread.within)} keep it (95 % sure: {_percent(low)} to {_percent(high)})")
+        parts.append(
+            f"{_percent(spread.within)} keep it (95 % confidence: {_percent(low)} to {_percent(high)})"
+        )
     column = spread.column
     parts.append(
         f"half at {_value_text(column, spread.median)} or better, 95 % at {_value_text(column, spread.edge)}"

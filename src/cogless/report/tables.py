@@ -59,8 +59,8 @@ def term_tables(results: Results, runs: Sequence[Run]) -> str:
     """Tables of the RMS of each law's terms late in the run, and of their varying parts; "" without terms."""
     tables = "".join(_terms(results, run) for run in runs)
     heading = note(
-        f"RMS of each term of the current reference late in {runs[0].scenario}. The varying part is the RMS "
-        "about the term's mean, without the constant current that carries the load."
+        f"RMS of each term of the current reference late in scenario {runs[0].scenario}. The varying part is "
+        "the RMS about the term's mean, without the constant current that carries the load."
     )
     return heading + tables if tables else ""
 

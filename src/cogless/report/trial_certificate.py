@@ -14,14 +14,13 @@ from cogless.report.markup import DASH, key, number, place, table
 from cogless.results import Run, TrialResults
 
 CERTIFICATE_NOTE = (
-    "Known before any run, from the models alone; the largest value over the corners of the uncertain "
-    "parameters and over random plants within them (the pointer tells which). Along the trial: the largest "
-    "pole of the loop, stable below 1. From trial to trial: |F|, the largest factor by which any frequency "
-    "of the error is multiplied from one trial to the next; with the ends: growth a trial in tried trials, "
-    "which begin and end. If neither is above 1, the error doesn't grow (monotone); if |F| is also below "
-    "1 everywhere, it shrinks at every frequency (contracting)."
-    " Largest share: what a trial may have at most of any error without learning (with an observer, of "
-    "any missing input)."
+    "These values are known before any run, from the models alone. Each is the largest over the corners of "
+    "the uncertain parameters and over random plants within them; point at a value to see the plant. Along "
+    "the trial: the largest pole of the loop, stable below 1. |F|: the largest factor by which any frequency "
+    "of the error is multiplied from one trial to the next. With the ends: growth a trial in tried trials, "
+    "which begin and end. If neither |F| nor this growth is above 1, the error doesn't grow (monotone). If "
+    "|F| is also below 1 everywhere, the error shrinks at every frequency (contracting). Largest share: the "
+    "most that a trial may have of any error without learning (with an observer, of any missing input)."
 )
 GAIN_ROUNDING = 1e-4  # a limit of K_3 below this share of the K_3 in use counts as none
 MINUS = "−"  # noqa: RUF001

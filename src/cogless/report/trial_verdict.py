@@ -168,9 +168,9 @@ def _reach(c: Case, name: str, *, short: bool = False) -> str:
     counts, never = c.counts[name], c.never(name)
     if never:
         if len(never) == len(c.phases):
-            return "never is"
+            return "never reaches it"
         if short and never == list(c.phases[1:]):
-            return "never is after a change"
+            return "never reaches it after a change"
         where = after(never, c.phases)
         return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {where}"
     most = max(counts)
@@ -385,7 +385,8 @@ def _certificates(c: Case) -> list[str]:
         f"{c.labels(names)} {_are(names)} not certified: {reason}." for reason, names in uncertified.items()
     ]
     sentences += [
-        f"Of {c.labels(names)} the certificate says nothing: {reason}." for reason, names in outside.items()
+        f"The certificate says nothing about {c.labels(names)}: {reason}."
+        for reason, names in outside.items()
     ]
     if refuted:
         sentences.append(
@@ -414,7 +415,7 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
         plant, most = over_limit
         unit = " A" if c.study.plant is None else ""
         return (
-            f"by the models the motion needs {number(most)}{unit} at {plant}, and the limit is "
+            f"by the models the motion needs {number(most)}{unit} at {plant}, but the limit is "
             f"{number(design.limit)}{unit}"
         )
     if prediction is not None and prediction.ends_above:

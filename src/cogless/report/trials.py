@@ -103,7 +103,7 @@ def _chart(
             if count:
                 count_words = f"{count} trial{'s' if count > 1 else ''} {what}"
                 untold.append(f"{results.study.label(run.controller)}, {count_words}")
-    note = f"Not on a logarithmic axis: {'; '.join(untold)}." if untold else ""
+    note = f"The logarithmic axis cannot show: {'; '.join(untold)}." if untold else ""
     return OverTrials(title=title, x="trial", quantity=quantity, unit=unit, series=series, note=note)
 
 
@@ -164,10 +164,12 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> TrialWaveforms:
     period = runs[0].trace.period
     step = thin(_of_trials(runs[0], "time", count)[0], points)[1] * period
     notes = [
-        f"Of the {group.changes}: the first and the last." for group in together if len(group.phases) > 1
+        f"Of the {group.changes}, the first and the last are drawn."
+        for group in together
+        if len(group.phases) > 1
     ]
     if len(every) > MOST_PHASES:
-        notes.append(f"Of the first {MOST_PHASES} of {len(every)} phases.")
+        notes.append(f"Only the first {MOST_PHASES} of {len(every)} phases are drawn.")
     return TrialWaveforms(
         panels=panels,
         phases=[ChosenTrials(phase.name, phase.chosen) for phase in shown_phases],

@@ -85,7 +85,7 @@ def make_law(study: AnyStudy, name: str) -> Any | None:
     path = _find(study, f"controller.{name}.object", controller.code, controller.python_class)
     where = f'{study.source.path}: controller.{name}.object: "{controller.python_class}"'
     with _reporting(
-        where, path, "expected a file that loads; it may import installed modules, or files beside it"
+        where, path, "expected a file that loads; it may import installed modules, or files next to it"
     ):
         module = _module(path.resolve())
     maker = getattr(module, class_name, None)

@@ -24,7 +24,7 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.auto import known_orders, map_cells
-from cogless.design.changes import either, first, helping, unit_text
+from cogless.design.changes import cure_words, first, helping, unit_text
 from cogless.design.closed_loop import Linear, open_loop, oscillation, poles, position_margins
 from cogless.design.detent import snaps, swing
 from cogless.design.gentler import slower_feedback
@@ -85,7 +85,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     if wrong is None:
         return None
     follows = position_gain(loop.rigid, pi)
-    sentence = f"its calibration run in {scenario} {wrong}"
+    sentence = f"its calibration run in scenario {scenario} {wrong}"
     wave = functions_in(study, scenario).waves(run.speed)[1:]
     orders = np.flatnonzero(wave > ORDER_SHARE_LEAST * np.max(wave)) + 1
     slow = speed_text(study, follows / int(orders[-1]), 2) if len(orders) else ""
@@ -108,7 +108,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
         stiffer = (slower_feedback(study, name, 1 / factor) for factor in STIFFER_FACTORS)
         cures = first(study, (change for change in stiffer if change is not None), stiff_enough)
         key = dotted(("controller", name))
-    return Remark(f"{sentence}; {either(cures, key)} would do" if cures else sentence, cures)
+    return Remark(sentence + cure_words(cures, key), cures)
 
 
 def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
@@ -134,13 +134,13 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if share <= WORTHWHILE_SHARE:
         return None
     most = int(orders[np.argmax(remaining)])
-    run_does = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
+    run_does = f"turns so fast that order {most} comes at {most * speed / math.tau:.3g} Hz"
     if added > np.max(remaining):
         run_does = (
-            f"records {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after it turned around, not "
-            "yet settled"
+            f"records from {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after a reversal on, before the "
+            "rotor has settled"
         )
-    return f"{run_does}: the table leaves {share:.2g} of the ripple"
+    return f"{run_does}: the table would leave {share:.2g} times the ripple"
 
 
 class AntiCoggingRules(FeedbackRules[AntiCogging]):

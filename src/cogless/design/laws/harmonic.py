@@ -222,20 +222,20 @@ class Certified:
     def in_words(self) -> str:
         """The certificate at this speed in words."""
         if self.snaps is not None:
-            return f"not judged {self.snaps}"
+            return f"not judged: {self.snaps}"
         slow = ""
         if self.slow:
             several = self.slow[0] < self.slow[1]
             of = f"s {self.slow[0]} to {self.slow[1]} are" if several else f" {self.slow[0]} is"
-            slow = f", order{of} too slow to be judged"
+            slow = f". Order{of} too slow to be judged"
         swings = f" (uncertain: with the feedback alone the speed's ripple is {100 * self.swing:.0f} % rms)"
-        late = f"orders to {self.late} converge even" if self.late else "the lowest order may not converge"
+        late = f"orders up to {self.late} converge" if self.late else "the lowest order may not converge"
         return (
-            f"at {self.omega_m / RPM:.4g} rpm orders to {self.acting}{_held_words(self.held_orders)} begin "
-            f"to learn at {self.rate:.3g} 1/s, settle together "
-            f"{'at any rate' if self.most is None else f'below {self.most:.3g} 1/s'} and "
-            f"{'converge' if self.gamma > 0 else 'may not all converge'} with K_t/J 50 % off "
-            f"(Re Gamma {self.gamma:.2f} or more, expected above 0), {late} with one sample of unknown delay"
+            f"at {self.omega_m / RPM:.4g} rpm orders up to {self.acting}{_held_words(self.held_orders)} "
+            f"begin to learn at a rate of {self.rate:.3g} 1/s. They settle together at "
+            f"{'any rate' if self.most is None else f'rates below {self.most:.3g} 1/s'}, and "
+            f"{'converge' if self.gamma > 0 else 'may not all converge'} if K_t/J is 50 % off "
+            f"(Re Gamma {self.gamma:.2f} or more; needed: above 0). With one sample of unknown delay {late}"
             f"{slow}{swings if self.swing > STALLING_RATIO else ''}"
         )
 
@@ -483,7 +483,8 @@ def _not_learned(study: Study, name: str) -> Remark | None:
         return not unlearned_orders(other, name)
 
     cures = helping(study, ({f"controller.{name}.base": needed},), cured)
-    return Remark(f"{sentence}; {either(cures)} learns all of it" if cures else sentence, cures)
+    all_with = f"; with {either(cures)} it would learn all of them" if cures else ""
+    return Remark(sentence + all_with, cures)
 
 
 def _lacks_room(study: Study, name: str) -> int | None:
@@ -506,7 +507,7 @@ def _no_room(study: Study, name: str) -> Remark | None:
     roomy = roomy_base(own_study)
     often = "twice" if least > 1 + BENDS_FROM[0] else "once"
     base = learner(study, name).base
-    sentence = f"base {base} is too low to learn the sensor's error that comes {often} a turn"
+    sentence = f"base {base} is too low to learn an error of the position sensor that comes {often} a turn"
     change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
     cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
     if not cures:
@@ -515,7 +516,7 @@ def _no_room(study: Study, name: str) -> Remark | None:
         {wave.order for wave in own_study.motor.star().cogging if wave.torque and wave.order % roomy}
     )
     but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
-    return Remark(f"{sentence}; {either(cures)} learns it{but if cogging else ''}", cures)
+    return Remark(f"{sentence}; with {either(cures)} it would learn this{but if cogging else ''}", cures)
 
 
 def rival_bases(study: Study, name: str) -> tuple[int, int] | None:

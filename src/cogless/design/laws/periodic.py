@@ -90,14 +90,14 @@ class PeriodicLoop(LearningLoop):
         speed = speed_text(self.study, self.omega_m)
         sentence = f"a period at {speed} has {round(samples, 1):.10g} samples, "
         if self.law.memory == "time" and samples > cells:
-            return f"{sentence}cells {cells}"
+            return f"{sentence}more than cells = {cells}"
         if samples >= fewest:
             return None
         if samples < 4:
-            return f"{sentence}at least 4 are needed"
+            return f"{sentence}but the law needs at least 4"
         if self.lead > samples / 4:
-            return f"{sentence}lead {self.lead} is over a quarter"
-        return f"{sentence}the Q filter needs {wide + 1}"
+            return f"{sentence}of which the lead, {self.lead} samples, is more than a quarter"
+        return f"{sentence}but the Q filter needs {wide + 1}"
 
     @property
     def learns_more(self) -> bool:
@@ -128,8 +128,8 @@ class PeriodicLoop(LearningLoop):
                 frequency = loop.worst().frequency if swings is None else swings.frequency
                 least = speed_text(self.study, amplitude * 2**n / math.sqrt(2), digits=2)
                 return (
-                    f"the term beta_1 sgn S keeps a ripple of {least} rms or more alive, at "
-                    f"{frequency:.0f} Hz"
+                    f"the switching term beta_1 sgn S keeps up an oscillation at {frequency:.0f} Hz, a "
+                    f"ripple of {least} rms or more"
                 )
         return None
 
@@ -191,10 +191,11 @@ def relay_warning(study: Study, name: str) -> Remark | None:
                 f"{speed_text(study, omega, 2)} rms" for omega in (oscillation.ripple, feedback_ripple)
             )
             switches = (
-                f"in {key} its relay switches at {oscillation.frequency:.3g} Hz and makes {alone} of ripple"
+                f"in scenario {key} its relay g switches at {oscillation.frequency:.3g} Hz and causes "
+                f"{alone} of speed ripple"
             )
             off: Changes = {f"{dotted(('controller', name))}.g": "0 rad/s^2"}
-            return Remark(f"{switches}; g = 0 leaves {learned} before learning", (off,))
+            return Remark(f"{switches}; with g = 0 the feedback alone leaves {learned}", (off,))
     return None
 
 

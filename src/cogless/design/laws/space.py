@@ -75,8 +75,8 @@ class SpaceLoop(LearningLoop):
         error = float(np.max(np.abs(needed))) / self.law.k
         if error <= self.law.eta_bar:
             return None
-        leaves = f"k alone leaves an error of up to {speed_text(self.study, error)}"
-        return f"{leaves}, above eta_bar: it may never learn"
+        leaves = f"the gain k alone leaves a speed error of up to {speed_text(self.study, error)}"
+        return f"{leaves}, more than eta_bar: the law may never learn"
 
     @cached_property
     def feedback(self) -> Linear:

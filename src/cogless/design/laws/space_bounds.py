@@ -90,7 +90,7 @@ class Condition:
         """How the gain `has` compares with the bound, as words that follow "is"."""
         if self.asks <= 0:
             return f"above {self.name} (0)"
-        return f"{self.ratio(has):.2g} of {self.name} ({self.asks:.3g})"
+        return f"{self.ratio(has):.2g} times {self.name} ({self.asks:.3g})"
 
 
 @dataclass(frozen=True)
@@ -113,13 +113,14 @@ class Theorem:
     def verdict(self) -> str:
         """The theorem's verdict in words, with the gain as a multiple of each condition."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
-        never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
-        asked = ", ".join(condition.in_words(self.has) for condition in met)
-        gain_compared = f"{self.section}: {self.gain} = {self.has:.3g}"
-        gain_compared += (f" is {asked}" if met else "") + ("," if met and never else "")
+        never = [c.name + (c.wants and f" without {c.wants}") for c in self.conditions if c not in met]
+        asked = " and ".join(condition.in_words(self.has) for condition in met)
+        gain_compared = f"{self.gain} = {self.has:.3g}"
+        gain_compared += (f" is {asked}" if met else "") + (";" if met and never else "")
         gain_compared += f" no {self.gain} is enough for {_either(never)}" if never else ""
-        reasons = "".join(f"; {reason}" for reason in self.obstacles)
-        return f"{gain_compared}: {'the proof holds' if self.holds else 'not covered by the proof'}{reasons}"
+        reasons = f", because {'; '.join(self.obstacles)}" if self.obstacles else ""
+        covers = "the proof holds" if self.holds else "not covered by the proof"
+        return f"{self.section}: {covers}{reasons}. {gain_compared}"
 
 
 def position_gains(study: Study, name: str) -> Gains:
@@ -279,15 +280,15 @@ def _in_the_way(
     """Assumptions of the theorem that a controller and its scenarios don't meet, in words."""
     obstacles = [reason] if (reason := _unfit(study, law, functions)) else []
     if not law.mu_alpha:
-        obstacles.append("it learns no alpha")
+        obstacles.append("it does not learn alpha")
     if law.q_half_width:
-        obstacles.append("its Q filter forgets a part of what was learned")
+        obstacles.append("its Q filter forgets a part of what it learned")
     if not study.drive.ideal:
         obstacles.append("the current loop isn't ideal")
     if isinstance(law, SpaceSpeed) and motion.slowest <= law.eta_bar:
         obstacles.append(f"eta_bar isn't below the slowest reference, {motion.slowest:.3g} rad/s")
     if isinstance(law, SpacePosition) and motion.slowest <= 0:
-        obstacles.append(f"the reference comes down to {motion.slowest:.3g} rad/s, not above zero")
+        obstacles.append(f"the reference's least speed is {motion.slowest:.3g} rad/s, not above zero")
     if isinstance(law, SpacePosition) and not law.hand_over and position_gains(study, name)[2] > 0:
         obstacles.append("its integral action stays on")
     if isinstance(law, SpacePosition) and law.index == "rotor":
@@ -297,7 +298,7 @@ def _in_the_way(
         missing = ["mu_beta"] if friction and not law.mu_beta else []
         missing += [] if law.mu_h else ["mu_h"]
         if missing:
-            obstacles.append(f"the speed varies without {' and '.join(missing)}")
+            obstacles.append(f"the speed varies, and the law has no {' and no '.join(missing)}")
     if bounds is not None:
         obstacles += _tight_limits(study, law, bounds)
     return obstacles
@@ -317,7 +318,8 @@ def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) ->
     others = sorted(
         {n for function in functions for n in function.orders if (n * revolutions).denominator != 1}
     )
-    return f"its period, {revolutions} of a revolution, isn't one of order {others[0]}" if others else None
+    lacks = f"its period, {revolutions} of a revolution, holds no whole number of waves of order"
+    return f"{lacks} {others[0]}" if others else None
 
 
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
@@ -327,7 +329,7 @@ def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds)
     limits = learned_limits(study, law, study.scenario.values())
     keys = ("alpha_limit", "beta_limit", "h_limit")
     return [
-        f"{key} {limit:.3g} is below the bound {least:.3g}"
+        f"{key} is {limit:.3g}, less than the bound {least:.3g}"
         for key, limit, least in list(zip(keys, limits, asked, strict=True))[: law.channels]
         if limit < least
     ]

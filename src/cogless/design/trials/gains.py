@@ -100,6 +100,7 @@ NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback
 CUTOFF_SHARE = 0.97  # an advised cutoff is this share of the largest one, because it is rounded
 WEIGHT_DECADES = 12  # number of powers of ten that are tried as a weight
 AUTOMATIC: Changes = {"q_filter": "auto", "shift": "auto"}  # the design chooses both, and K_3
+BY_FREQUENCY = "K_3 is chosen by frequency, for the smallest factor from one trial's error to the next"
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 
@@ -533,10 +534,10 @@ def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: B
 
 
 def _choice_note(bench: Bench, choice: Choice) -> Remark:
-    passes = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
+    passes = "no filter" if choice.cutoff is None else f"a filter of {choice.cutoff:.3g} Hz"
     return Remark(
-        f"shift = {choice.shift} and {passes} are chosen together with K_3. After {JUDGED_TRIALS} trials "
-        f"{100 * bench.share_left(choice):.2g} % of a load step's error is left, at the worst corner"
+        f"shift = {choice.shift}, {passes} and K_3 are chosen together. After {JUDGED_TRIALS} trials they "
+        f"leave {100 * bench.share_left(choice):.2g} % of the error of a load step, at the worst corner"
     )
 
 
@@ -605,10 +606,10 @@ def _together(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tup
     """The end of a message, and the change that it advises: a shift and a filter that are chosen together."""
     choice = _automatic(plant, law, settings)
     if choice is None:
-        return ("; with this feedback, though, no value makes learning fast",)
-    of = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
-    end = f', and a shift that suits it: q_filter = "auto" and shift = "auto" choose {of} and {choice.shift}'
-    return end, dict(AUTOMATIC)
+        return ("; with this feedback no filter and shift make learning fast",)
+    of = "no filter" if choice.cutoff is None else f"a filter of {choice.cutoff:.3g} Hz"
+    end = f'q_filter = "auto" and shift = "auto" would choose {of} and a shift of {choice.shift}'
+    return f", and a shift that suits it; {end}", dict(AUTOMATIC)
 
 
 def _automatic(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Choice | None:
@@ -635,23 +636,20 @@ def _by_frequency(
     G = bundle(w)
     if settings.cutoff is None or settings.filtered != "signal":
         K_3, worst = best_gain(G)
-        note = f"K_3 is chosen by frequency, for the smallest factor a trial, {worst:.4g}"
-        sentence = f"{note}: (35) is for a shift of {plant.relative_degree}"
+        note = f"{BY_FREQUENCY}: {worst:.4g}"
+        sentence = f"{note}. Rule (35) is not used, since it is for a shift of {plant.relative_degree}"
         return (K_3, Remark(sentence)) if worst <= PROPOSED_FACTOR_MOST else None
     assert isinstance(settings.cutoff, float)
     q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED_FACTOR_MOST:
         return None
-    note = (
-        "K_3 is chosen by frequency, for the smallest factor a trial with the filter on the learned signal, "
-    )
-    note += f"{worst:.4g}"
+    note = f"{BY_FREQUENCY} with the filter on the learned signal: {worst:.4g}"
     better = better_shift(loops, plant.relative_degree, q_filter, shift, settings.samples)
     if better is None:
         return K_3, Remark(note)
     now, other, then = better
-    note += f", or {now:.2g} with the trial's ends; shift = {other} would make this factor {then:.2g}"
+    note += f", or {now:.2g} with the trial's ends; with shift = {other} that factor would be {then:.2g}"
     return K_3, Remark(note, ({"shift": other},))
 
 

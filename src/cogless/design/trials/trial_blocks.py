@@ -45,9 +45,11 @@ def _settles(design: TrialDesign) -> str:
         return answer
     counts = prediction.trials_to_floor
     trials = ", ".join(f"more than {PHASE_TRIALS}" if count is None else f"{count}" for count in counts)
-    phases = f" in the scenario's {len(counts)} phases" if len(counts) > 1 else ""
+    phases, end = "", "the scenario"
+    if len(counts) > 1:
+        phases, end = f" in the scenario's {len(counts)} phases", "each phase"
     return (
-        f"{answer}; the error is at its floor after {trials} trials{phases}, where at most "
+        f"{answer}; the error reaches its floor after {trials} trials{phases}; at the end of {end} at most "
         f"{100 * prediction.share:.3g} % of the error without learning is left"
     )
 

@@ -25,17 +25,23 @@ if TYPE_CHECKING:
 NO_GAIN = 5e-5  # a largest K_3 up to this prints as "none", since it would print as zero
 
 LEGEND = (
-    "along the trial: the loop's largest pole; one more sample: the same with one more sample of delay "
-    "at the input;\nfrom trial to trial: no frequency of the error grows by more than this factor, over "
-    "vertices and "
-    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one;\n"
-    "norm, power: of a whole trial's map of the learned signal, and the largest of its powers;\n"
-    "largest share: what a trial may have at most of any error without learning (with an observer, of any "
+    "along the trial: magnitude of the loop's largest pole, stable below 1; one more sample: this magnitude "
+    "with one more sample of delay at the input;\n"
+    "from trial to trial: a trial multiplies the error by at most this factor at any frequency, for all "
+    "vertices and random plants; filtered: this factor with the filter;\n"
+    "contracting: the error shrinks at every frequency; monotone: it grows at none;\n"
+    "with the ends: factor of the error from one tried trial to the next, with the filter if there is one;\n"
+    "norm, power: norm of the map from one trial's learned signal to the next, and the largest norm of this "
+    "map's powers;\n"
+    "largest share: the most that a trial may have of any error without learning (with an observer, of any "
     "missing input);\n"
-    "this scenario: what a phase has left at its end of the error without learning, at the worst corner;\n"
-    "trials to the floor: of each phase, until the simulated plant's error is within a tenth of its floor;\n"
-    "floor: the error's final RMS, with the sensor's rounding;\n"
-    "load noise, sensor noise: error that white noise causes, with learning / without, at the worst corner"
+    "share left: the share of the error without learning that is left at the end of a phase, at the worst "
+    "corner;\n"
+    "trials to the floor: trials in each phase until the simulated plant's error is within a tenth of its "
+    "floor;\n"
+    "floor: the final RMS of the error, with the sensor's rounding;\n"
+    "load noise, sensor noise: error by white noise with learning, divided by that without, at the worst "
+    "corner"
 )
 
 
@@ -140,7 +146,7 @@ def verdict_line(design: TrialDesign) -> str:
         none = "no K_3" if design.no_K_3 else "no learning"
         does = verdict_words(certificate.learning) if certificate.learning else none
         phrases.append(f"{model} model: {does if certificate.stable else 'unstable along the trial'}")
-    return f"from trial to trial, {'; '.join(phrases)}"
+    return f"the error's largest factor from trial to trial: {'; '.join(phrases)}"
 
 
 def warnings(design: TrialDesign) -> list[str]:

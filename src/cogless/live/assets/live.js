@@ -145,7 +145,7 @@
     details.dataset.group = "spares";
     details.open = open || some.length > 0;
     make("summary", details, "Cogging orders that you add");
-    if (page.motor) make("p", details, "The controller is not told of them.", "note");
+    if (page.motor) make("p", details, "The controller does not know them.", "note");
     some.forEach((one, n) => {
       const box = make("div", details, "", "order");
       slide(box, one.order, `s${n}`);
@@ -371,11 +371,11 @@
         const since = worseSince(run.result.errors, off.errors);
         if (since !== null) {
           item.className = "worse";
-          make("p", item, `It grows: no worse than without learning until ${since} s, then worse.`, "fault");
+          make("p", item, `It gets worse with time: until ${since} s it is no worse than without learning, then it is worse.`, "fault");
         }
       } else head.append(c.learns ? "." : ", with nothing that learns.");
       const [from, to, long] = (c.learns && run.result.guarded[which]) || [0, 0, 0];
-      if (long >= page.moment) make("p", item, `The guard held its learning back, ${number(from)} to ${number(to)} s, where it is frozen, gentler or without effect: its ${words} is in part from this time.`, "fault");
+      if (long >= page.moment) make("p", item, `The guard held back its learning from ${number(from)} to ${number(to)} s (frozen, gentler or without effect): a part of its ${words} is from this time.`, "fault");
       const before = found(c.name, false, ghost);
       if (before && before !== run.result) make("p", item, `Before the change: ${number(before.values[which] / metric.factor)} ${unit}.`, "details");
     }
@@ -455,7 +455,7 @@
     } else drop("picture:turn");
     const ripples = shown().map((c) => found(c.name)?.ripple.values ?? []).flat().filter((x) => x > 0);
     const log = Math.max(...ripples) > 10 * Math.min(...ripples);
-    lines($("ripple"), "ripple:time", { title: "Speed ripple, rms of the last revolution, over the time", x: "time (s)", y: "ripple, rms (r/min)", log },
+    lines($("ripple"), "ripple:time", { title: "Speed ripple, rms of the last revolution, over time", x: "time (s)", y: "ripple, rms (r/min)", log },
       ({ ripple }) => ({ at: ripple.at, values: ripple.values.map((x) => (log && !(x > 0) ? null : rpm(x))) }));
   }
 
