@@ -68,7 +68,8 @@ ERRORS = [
         "controller.ilc.q_filter: no K_3 makes every error fall from trial to trial: the feedback "
         "leaves so much lag that the error grows with any gain at frequencies above ... of half "
         "the sampling rate; expected a zero-phase low-pass filter on the learned signal, and a "
-        'shift that suits it: q_filter = "auto" and shift = "auto" choose ... Hz and ...',
+        'shift that suits it; q_filter = "auto" and shift = "auto" would choose a filter of ... Hz and a '
+        "shift of ...",
     ),
     (
         "plant.parameter.J.range=[1e-6,1e-2]",
