@@ -176,9 +176,10 @@ class Equations:
         self.names = all_names(rows)
         self.logs = tuple(dict.fromkeys(stretch.log.name for stretch in rows))
 
-    def without(self, kind: str, order: int) -> Equations:
-        """These equations without the waves of a kind and order."""
-        return Equations([rows.without(kind, order) for rows in self.rows])
+    def without(self, *columns: Name) -> Equations:
+        """These equations without columns of these kinds and orders; `own` columns go with their cogging."""
+        removed = {*columns, *(("own", *order) for kind, *order in columns if kind == "cogging")}
+        return Equations([rows.without(removed) for rows in self.rows])
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
@@ -187,12 +188,15 @@ class Equations:
             own = [stretch for stretch in self.rows if stretch.log.name == log]
             whole, done = sum(len(stretch.y) for stretch in own), 0
             for stretch in own:
-                count, place = len(stretch.y), [self.names.index(name) for name in stretch.names]
+                count = len(stretch.y)
+                columns = np.zeros((count, len(self.names)))
+                columns[:, [self.names.index(name) for name in stretch.names]] = stretch.columns
                 part_count = max(1, min(round(LOG_BLOCKS * count / whole), count // BLOCK_ROWS_LEAST))
                 for part in np.array_split(np.arange(count), part_count):
                     if len(part):
                         quarter = min(LOG_QUARTERS - 1, LOG_QUARTERS * (done + int(part[0])) // whole)
-                        blocks.append(self._block(stretch, place, slice(part[0], part[-1] + 1), quarter))
+                        rows = slice(part[0], part[-1] + 1)
+                        blocks.append(self._block(stretch, columns[rows], rows, quarter))
                 done += count
         return tuple(blocks)
 
@@ -222,31 +226,23 @@ class Equations:
             instruments[id(stretch)] = base @ solved(base.T @ base, base.T @ column)[0]
         return instruments
 
-    def _block(self, rows: Rows, place: Sequence[int], part: slice, quarter: int) -> Block:
-        """The block of a part of rows. `place`: the index of each of the rows' columns among all columns."""
-        size = len(self.names)
-        columns, y = rows.columns[part], rows.y[part]
+    def _block(self, rows: Rows, columns: Array, part: slice, quarter: int) -> Block:
+        """The block of a part of rows. `columns`: the part's values of all columns."""
+        y, noise = rows.y[part], np.zeros(len(self.names))
         z = rows.instruments[:, part] if ("j",) in rows.names else np.zeros((len(LADDER), len(y)))
-        matrix, vector, noise = np.zeros((size, size)), np.zeros(size), np.zeros(size)
-        matrix[np.ix_(place, place)] = columns.T @ columns
-        vector[place] = columns.T @ y
         for name, variances in rows.noise.items():
             noise[self.names.index(name)] = variances[part].sum()
-        instruments = np.zeros((len(z), size))
-        instruments[:, place] = z @ columns
         late = None
         if id(rows) in self._late:
             course = self._late[id(rows)][part]
-            products = np.zeros(size)
-            products[place] = course @ columns
-            late = (products, float(course @ y))
+            late = (course @ columns, float(course @ y))
         return Block(
             log=rows.log.name,
             part=quarter,
-            matrix=matrix,
-            vector=vector,
+            matrix=columns.T @ columns,
+            vector=columns.T @ y,
             noise=noise,
-            instruments=instruments,
+            instruments=z @ columns,
             driven=z @ y,
             squares=float(y @ y),
             rows=len(y),
@@ -282,6 +278,13 @@ class Equations:
         """Residual of each log, A rms."""
         _, _, _, _, weights = self._solved(*self._with(instrument))
         return dict(zip(self.logs, (weights**-0.5).tolist(), strict=True))
+
+    def cost(self, instrument: int = WIDE_INSTRUMENT) -> float:
+        """Sum over all logs: count of rows times the logarithm of the residual's variance."""
+        counts = dict.fromkeys(self.logs, 0)
+        for rows in self.rows:
+            counts[rows.log.name] += len(rows.y)
+        return float(sum(2 * counts[log] * np.log(x) for log, x in self.noises(instrument).items()))
 
     def _with(self, instrument: int) -> tuple[Array, Array]:
         """Matrices and vectors of all blocks with one of the instruments in the acceleration's row."""
