@@ -188,15 +188,12 @@ class Equations:
             own = [stretch for stretch in self.rows if stretch.log.name == log]
             whole, done = sum(len(stretch.y) for stretch in own), 0
             for stretch in own:
-                count = len(stretch.y)
-                columns = np.zeros((count, len(self.names)))
-                columns[:, [self.names.index(name) for name in stretch.names]] = stretch.columns
+                count, place = len(stretch.y), [self.names.index(name) for name in stretch.names]
                 part_count = max(1, min(round(LOG_BLOCKS * count / whole), count // BLOCK_ROWS_LEAST))
                 for part in np.array_split(np.arange(count), part_count):
                     if len(part):
                         quarter = min(LOG_QUARTERS - 1, LOG_QUARTERS * (done + int(part[0])) // whole)
-                        rows = slice(part[0], part[-1] + 1)
-                        blocks.append(self._block(stretch, columns[rows], rows, quarter))
+                        blocks.append(self._block(stretch, place, slice(part[0], part[-1] + 1), quarter))
                 done += count
         return tuple(blocks)
 
@@ -226,23 +223,31 @@ class Equations:
             instruments[id(stretch)] = base @ solved(base.T @ base, base.T @ column)[0]
         return instruments
 
-    def _block(self, rows: Rows, columns: Array, part: slice, quarter: int) -> Block:
-        """The block of a part of rows. `columns`: the part's values of all columns."""
-        y, noise = rows.y[part], np.zeros(len(self.names))
+    def _block(self, rows: Rows, place: Sequence[int], part: slice, quarter: int) -> Block:
+        """The block of a part of rows. `place`: the index of each of the rows' columns among all columns."""
+        size = len(self.names)
+        columns, y = rows.columns[part], rows.y[part]
         z = rows.instruments[:, part] if ("j",) in rows.names else np.zeros((len(LADDER), len(y)))
+        matrix, vector, noise = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+        matrix[np.ix_(place, place)] = columns.T @ columns
+        vector[place] = columns.T @ y
         for name, variances in rows.noise.items():
             noise[self.names.index(name)] = variances[part].sum()
+        instruments = np.zeros((len(z), size))
+        instruments[:, place] = z @ columns
         late = None
         if id(rows) in self._late:
             course = self._late[id(rows)][part]
-            late = (course @ columns, float(course @ y))
+            products = np.zeros(size)
+            products[place] = course @ columns
+            late = (products, float(course @ y))
         return Block(
             log=rows.log.name,
             part=quarter,
-            matrix=columns.T @ columns,
-            vector=columns.T @ y,
+            matrix=matrix,
+            vector=vector,
             noise=noise,
-            instruments=z @ columns,
+            instruments=instruments,
             driven=z @ y,
             squares=float(y @ y),
             rows=len(y),
