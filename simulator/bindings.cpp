@@ -230,9 +230,14 @@ nb::object stored_of(const Engine& engine, const State& state) {
 
 // The constructor of a recorder of an engine's signals: constructs it in place, at `self`.
 template <class Engine>
-void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation, std::size_t rows) {
+void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation, std::size_t rows,
+                   const std::vector<std::size_t>& selected) {
+    const std::size_t columns = engine.signals().size();
     if (decimation < 1) throw std::invalid_argument("decimation: expected 1 or more");
-    new (self) Recorder(engine.signals().size(), decimation, rows);
+    if (std::any_of(selected.begin(), selected.end(), [columns](std::size_t column) { return column >= columns; })) {
+        throw std::invalid_argument("selected: expected places of signals");
+    }
+    new (self) Recorder(columns, decimation, rows, selected);
 }
 
 // Converts what a user's step() returned: i_q_ref or (i_d_ref, i_q_ref).
@@ -392,8 +397,10 @@ NB_MODULE(COGLESS_MODULE, m) {
 
     nb::class_<Recorder>(m, "Recorder", "Rows of an engine's signals, one every `decimation` ticks.")
         .def("__init__", &make_recorder<Drive>, "drive"_a, "decimation"_a, "rows"_a = 0,
-             "rows: how many are expected; more are taken too.")
-        .def("__init__", &make_recorder<LinearTrials>, "trials"_a, "decimation"_a, "rows"_a = 0)
+             "selected"_a = std::vector<std::size_t>(),
+             "rows: how many are expected; more are taken too. selected: places in `signals` of the only ones to record; empty: all.")
+        .def("__init__", &make_recorder<LinearTrials>, "trials"_a, "decimation"_a, "rows"_a = 0,
+             "selected"_a = std::vector<std::size_t>())
         .def(
             "take",
             [](Recorder& recorder) { return rows_of(recorder.take(), recorder.columns()); },

@@ -161,3 +161,14 @@ def test_an_instrument_is_the_acceleration_through_a_wider_kernel() -> None:
     assert rows.instruments.shape == (len(LADDER), len(rows.y))
     alpha, slow = rows.columns[:, rows.names.index(("j",))], rows.instruments[-1]
     assert 0 < np.std(slow) < np.std(alpha)
+
+
+def test_a_column_of_a_trial_speed_is_that_of_a_model_with_this_speed() -> None:
+    log, _ = moving()
+    (one,) = rows_of(log, MODEL, SENSOR)
+    (trials,) = rows_of(log, replace(MODEL, stribeck=0.0, stribeck_trials=(1.0, FALL_SPEED)), SENSOR)
+    only = trials.without([("stribeck", 0)])
+    assert [name for name in only.names if name[0] != "stribeck"] == [
+        n for n in one.names if n[0] != "stribeck"
+    ]
+    assert np.array_equal(only.columns, one.columns)

@@ -25,13 +25,14 @@ def test_the_delay_of_the_least_residual_is_the_true_one(true, begin, power):
     """The residual's logarithm bends the other way on its flanks, which rows of 2 ms reach."""
     dt = 2e-3
 
-    def cost(model, instrument):
-        return 1e4 * np.log(1e-2 + abs((model.delay - true) / dt) ** (2 * power))
+    def equations(model):
+        cost = 1e4 * np.log(1e-2 + abs((model.delay - true) / dt) ** (2 * power))
+        return SimpleNamespace(cost=lambda instrument: cost)
 
     drive = SimpleNamespace(
         moving=[SimpleNamespace(dt=dt)],
         period=3e-5,
-        cost=cost,
+        equations=equations,
         solve=lambda model, instrument: SimpleNamespace(fit=Moment({("delay",): true - model.delay})),
     )
     model, error = Logs.delayed(drive, Model(delay=begin), 0)

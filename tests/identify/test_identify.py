@@ -192,7 +192,7 @@ def test_a_table_resolves_its_highest_order(found, order, cells):
 
 
 def test_logs_that_cannot_be_played_leave_the_estimate_and_say_so(found, monkeypatch):
-    def refuses(made: Estimate, progress: replay.Progress, dead_time: float) -> None:
+    def refuses(made: Estimate, progress: replay.Progress, dead_time: float, more: float) -> None:
         raise StudyError("no such drive")
 
     _, made = found

@@ -147,7 +147,7 @@ def test_equations_without_an_order_are_those_built_without_it() -> None:
         columns=np.column_stack([one.columns, one.columns[:, 2:] ** 2]),
     )
     short = replace(one, names=one.names[:2], columns=one.columns[:, :2])
-    fewer = Equations([more]).without("cogging", 6).fit()
+    fewer = Equations([more]).without(("cogging", 6)).fit()
     assert fewer.names == one.names[:2]
     assert fewer.values == pytest.approx(Equations([short]).fit().values)
-    assert Equations([more]).without("ripple", 6).names == more.names
+    assert Equations([more]).without(("ripple", 6)).names == more.names

@@ -21,6 +21,7 @@ from cogless.identify.lateness import (
     _part,
     _profile,
     lateness,
+    trace_filters,
 )
 from cogless.identify.log import Log
 from cogless.identify.result import Value
@@ -53,6 +54,12 @@ def trace(inertia: str, law: str = "pi", dead_time: int = 0) -> Trace:
     loaded = checked(Source(Path("late.toml"), study))
     assert isinstance(loaded, Study)
     return rollout([loaded], jobs=1)[0].runs[0].trace
+
+
+def more_dead_time(logs: list[Log]) -> dict[str, np.ndarray]:
+    """The filters of these logs with 200 ns of dead time."""
+    simulated = trace("8e-5 kg*m^2", dead_time=200)
+    return {of.name: trace_filters(of, simulated, 1e-3) for of in logs}
 
 
 def log(of: Trace, late: int) -> Log:
@@ -89,7 +96,7 @@ def test_a_dead_time_that_nobody_typed_in_leaves_the_delay_as_it_is():
     of = [log(trace("8e-5 kg*m^2", dead_time=300), late)]
     misled = lateness(of, simulated, BANDWIDTH, 1e-3).delay
     assert misled is not None and abs(misled.value - late * 1e-4) > 3e-5
-    made = lateness(of, simulated, BANDWIDTH, 1e-3, {"one": trace("8e-5 kg*m^2", dead_time=200)})
+    made = lateness(of, simulated, BANDWIDTH, 1e-3, more_dead_time(of))
     found = made.delay
     assert found is not None and not made.remark
     assert found.value == pytest.approx(late * 1e-4, abs=min(3e-5, found.error))
@@ -98,7 +105,7 @@ def test_a_dead_time_that_nobody_typed_in_leaves_the_delay_as_it_is():
 
 def test_no_dead_time_is_told_where_there_is_none():
     of, simulated = [log(trace("8e-5 kg*m^2"), 3)], {"one": trace("8e-5 kg*m^2")}
-    part = lateness(of, simulated, BANDWIDTH, 1e-3, {"one": trace("8e-5 kg*m^2", dead_time=200)}).part
+    part = lateness(of, simulated, BANDWIDTH, 1e-3, more_dead_time(of)).part
     assert abs(part.value) < max(part.error, 0.05)
 
 
@@ -280,7 +287,8 @@ def test_what_no_delay_explains_is_a_share_of_the_filter():
     assert made.delays == pytest.approx(5e-6 * np.arange(101)) and np.argmin(made.away) < 3
     # six taps, of which the delay takes one, and a part of a dead time another
     assert min(made.away) == pytest.approx(5)
-    assert min(_profile(logged(follows(1.0)), 1, follows(0.5), follows(0.5, 0.2)).away) == pytest.approx(4)
+    with_part = _profile(logged(follows(1.0)), 1, follows(0.5), _filters(follows(0.5, 0.2), 1))
+    assert min(with_part.away) == pytest.approx(4)
 
 
 def test_how_far_a_delay_is_from_a_log_counts_by_the_noise_of_both():
@@ -293,8 +301,8 @@ def test_how_far_a_delay_is_from_a_log_counts_by_the_noise_of_both():
 
 def test_a_part_of_an_added_dead_time_is_told_by_what_it_does_to_the_filter():
     """Half of the dead time is found; the information is the square of its effect over the noise."""
-    made = _profile(logged(follows(1.0, 0.1), noise=1.0), 1, follows(1.0), follows(1.0, 0.2))
+    made = _profile(logged(follows(1.0, 0.1), noise=1.0), 1, follows(1.0), _filters(follows(1.0, 0.2), 1))
     assert made.part[0] == pytest.approx(0.5, abs=2 / np.sqrt(80))
     assert made.information[0] == pytest.approx(4000 * 0.2**2 / 2, rel=0.05)
-    sure = _profile(logged(follows(1.0, 0.1), noise=0.01), 1, follows(1.0), follows(1.0, 0.2))
+    sure = _profile(logged(follows(1.0, 0.1), noise=0.01), 1, follows(1.0), _filters(follows(1.0, 0.2), 1))
     assert sure.part[0] == pytest.approx(0.5, abs=0.02)

@@ -20,7 +20,6 @@ from cogless.identify.log import Log
 from cogless.identify.replay import (
     _bandwidth,
     _likely,
-    _log_signals,
     _more,
     _rate,
     _said_of_dead_time,
@@ -138,14 +137,6 @@ def trace_with(error: float) -> Trace:
     return Trace(tuple(columns), units, np.column_stack(data))
 
 
-def test_a_trace_keeps_the_signals_that_a_log_has():
-    kept = _log_signals(trace_with(0.0))
-    assert kept.names == ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")
-    assert kept.units == ("s", "rad", "rad", "rad/s", "A", "A")
-    for name in kept.names:
-        assert np.array_equal(kept[name], trace_with(0.0)[name])
-
-
 @pytest.mark.parametrize(("offset", "added"), [(None, 1e-3), (0.3, 0.3)])
 def test_a_simulated_log_has_the_drive_s_angle_and_its_currents_late(offset, added):
     """The drive sees the current's vector turned back by the electrical angle that its sensor is ahead."""
@@ -180,12 +171,12 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What is simulated, by the dead time added, and what the law's answers then tell."""
     seen: dict[str, Any] = {"dead times": [], "traces": {"a": "trace"}, "told": [], "inertia": 1e-3}
 
-    def played(made, progress, dead_time):
-        seen["dead times"].append(dead_time)
+    def played(made, progress, dead_time, more):
+        seen["dead times"] += [dead_time, dead_time + more]
         progress(0.5)
         if isinstance(seen["traces"], StudyError):
             raise seen["traces"]
-        return seen["traces"]
+        return seen["traces"], {}
 
     def at_delay(first, delay, simulated, truth):
         return replace(first, values={**first.values, "j": Value(seen["inertia"], 1e-5), "delay": delay})
@@ -210,9 +201,7 @@ def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_
         "The currents follow their references as if the bridge had 300 +- 20 ns more dead time than is"
     )
     assert not isinstance(said, Advice)  # a drop of its transistors looks alike
-    assert progress == [
-        (f"simulation {n} of 2{more}", 0.5) for n in (1, 2) for more in ("", " with more dead time")
-    ]
+    assert progress == [("simulation 1 of 2", 0.5), ("simulation 2 of 2", 0.5)]
     assert found.values["delay"] == LATE
     steps["told"] = [Lateness(None, remark="Another law.")]
     other = replay.refined(made, lambda *of: None)[0]
@@ -288,39 +277,44 @@ def test_a_simulation_s_truth_is_what_it_is_made_of():
 
 
 def test_a_log_is_played_by_its_own_law_with_rows_that_divide_the_loop_s(monkeypatch):
-    """Each log is played alone, and one whose rows do not divide them is left out."""
+    """All logs run together, with each dead time. A log whose rows do not divide the loop's is left out."""
     logs = [turning(1.0), replace(turning(1.0), name="odd", dt=1.7e-4), replace(turning(1.0), name="b.csv")]
     logs[2] = replace(logs[2], rule=LogRule(file="*", controller="mine"))
     made = first_estimate(*logs)
     made.identification.path = "id.toml"
     scenarios = {name: {"duration": name} for name in ("a", "odd", "b")}
-    tables = {"drive": drive_tables(), "scenario": scenarios, "metric": ["x"]}
+    laws = {"first": {}, "mine": {}}
+    tables = {"drive": drive_tables(), "scenario": scenarios, "controller": laws, "metric": ["x"]}
     monkeypatch.setattr(replay.described, "replayable", lambda made: logs)
     monkeypatch.setattr(replay.described, "study", lambda made: dict(tables))
 
     class Checked(Study):
         def __init__(self, source):
-            object.__setattr__(
-                self, "__dict__", {"tables": source.tables, "controller": {"first": 1, "mine": 2}}
-            )
+            object.__setattr__(self, "__dict__", {"tables": source.tables})
 
-    studies, progress = [], []
+    together, progress = [], []
 
-    def rollout(study, only, jobs):
-        studies.append((vars(study[0])["tables"], only, jobs))
-        trace = Trace(("time", "u_d"), ("s", "V"), np.zeros((3, 2)))
-        return [SimpleNamespace(runs=[SimpleNamespace(trace=trace)])]
+    def rollout(studies, signals):
+        together.append([vars(study)["tables"] for study in studies])
+        assert signals == replay.TRACE_SIGNALS
+        return [SimpleNamespace(runs=[SimpleNamespace(trace=n)]) for n in range(len(studies))]
 
     monkeypatch.setattr(replay, "checked", Checked)
     monkeypatch.setattr(replay, "rollout", rollout)
-    found = replay.played(made, progress.append)
-    assert list(found) == ["a", "b.csv"] and found["a"].names == ("time",)
-    assert progress == [0.0, 1 / 3, 2 / 3]
-    rate = {"rate": "10000.0 Hz"}
-    assert studies == [
-        ({**tables, "scenario": {name: scenarios[name]}, "trace": rate, "metric": []}, [f"*/{law}"], 1)
-        for name, law in (("a", "first"), ("b", "mine"))
+    monkeypatch.setattr(replay, "trace_filters", lambda log, trace, period: (log.name, trace, period))
+    assert replay.played(made, progress.append, 0.0, 0.0) == ({"a": 0, "b.csv": 1}, {})
+    changed = {"trace": {"rate": "10000.0 Hz"}, "metric": []}
+    assert together == [
+        [
+            {**tables, **changed, "scenario": {name: {**scenarios[name], "controllers": [law]}}}
+            for name, law in (("a", "first"), ("b", "mine"))
+        ]
     ]
-    studies.clear()
-    replay.played(made, progress.append, 1e-7)
-    assert {study["drive"]["inverter"]["dead_time"] for study, _, _ in studies} == {"2e-07 s"}
+    period = 1 / made.identification.drive.rates.outer_loop
+    filters = {"a": ("a", 1, period), "b.csv": ("b.csv", 3, period)}
+    assert replay.played(made, progress.append, 1e-7, 2e-7) == ({"a": 0, "b.csv": 2}, filters)
+    assert [study["drive"]["inverter"]["dead_time"] for study in together[1]] == 2 * ["2e-07 s", "4e-07 s"]
+    monkeypatch.setattr(replay, "LOGS_TOGETHER", 1)
+    progress.clear()
+    replay.played(made, progress.append, 0.0, 0.0)
+    assert progress == [0.0, 0.5] and [len(studies) for studies in together[2:]] == [1, 1]

@@ -624,6 +624,20 @@ def test_rollout_runs_many_studies_and_can_let_their_traces_go(tmp_path: Path) -
     assert len({str(results.runs[0].metrics) for results in kept}) == 3
 
 
+def test_selected_signals_are_recorded_as_among_all_alone_and_in_step(tmp_path: Path) -> None:
+    """In the engine's order, besides time; metrics of the others are left out."""
+    base = studies.study(tmp_path)
+    many = [changed(base, {"controller.pi.kp": kp}) for kp in (0.01, 0.02)]
+    for variants in (many, many[:1]):
+        selected = rollout(variants, ["low/pi"], jobs=1, signals={"i_q", "theta_m"})
+        for one, whole in zip(selected, rollout(variants, ["low/pi"], jobs=1), strict=True):
+            (run,), (other) = one.runs, whole.runs[0]
+            assert run.lanes == len(variants)
+            assert (run.trace.names, run.trace.units) == (("time", "theta_m", "i_q"), ("s", "rad", "A"))
+            assert all(np.array_equal(run.trace[name], other.trace[name]) for name in run.trace.names)
+            assert other.metrics and not run.metrics
+
+
 def test_controllers_and_scenarios_of_one_duration_share_the_lanes(tmp_path: Path) -> None:
     base = changed(studies.study(tmp_path), {"controller.ilc": ILC})
     many = [changed(base, {"controller.pi.kp": kp}) for kp in (0.01, 0.02)]

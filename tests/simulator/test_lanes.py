@@ -182,3 +182,16 @@ def test_drives_that_differ_in_kind_do_not_go_together() -> None:
 def test_a_kernel_that_the_processor_lacks_is_refused() -> None:
     with pytest.raises(ValueError, match="advance_lanes: expected a state"):
         together([made({})], [1], len(KERNELS))
+
+
+def test_a_recorder_takes_selected_columns_across_takes_and_expected_rows() -> None:
+    drive = made({"motor": RIPPLE})
+    state, recorder = drive.start(), engine.Recorder(drive, 3, 2, [4, 0])
+    parts = []
+    for ticks in (10, 1, 0, 50):
+        drive.advance(state, recorder, ticks)
+        parts.append(recorder.take())
+    assert [len(part) for part in parts] == [4, 0, 0, 17]
+    assert np.array_equal(np.concatenate(parts), alone([drive], 61)[0][::3, [4, 0]])
+    with pytest.raises(ValueError, match="selected: expected places of signals"):
+        engine.Recorder(drive, 1, 0, [len(drive.signals)])

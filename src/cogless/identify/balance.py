@@ -9,7 +9,7 @@ mean of i_q times a wave is right even where the wave is faster than the rows. O
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -51,7 +51,8 @@ class Model:
     order, rad, which is subtracted from the angle. `waves`, `j`: cogging, (cos, sin) by order, A, and inertia
     of the fit before. The columns of the sensor's error need them, since the error shifts the cogging.
     `friction`: orders in which friction varies. `stribeck`: speed over which friction falls, rad/s, 0 for
-    none; the factor `stribeck_ratio` is the speed's uncertainty. `widths`: width of each log's kernel, s.
+    none; the factor `stribeck_ratio` is the speed's uncertainty. `stribeck_trials`: such speeds to compare,
+    each with a column of its own. `widths`: width of each log's kernel, s.
     `untold`: columns whose coefficient is the sum of two effects that these logs cannot separate.
     """
 
@@ -61,6 +62,7 @@ class Model:
     friction: tuple[int, ...] = ()
     stribeck: float = 0.0
     stribeck_ratio: float = 1.0
+    stribeck_trials: tuple[float, ...] = ()
     columns: frozenset[str] = frozenset({"j", "b", "c"})
     delay: float = 0.0
     error: Pairs = field(default_factory=dict)
@@ -109,13 +111,12 @@ class Rows:
     instruments: Array = field(default_factory=lambda: np.zeros((len(LADDER), 0)))
     spacing: float = 0.0  # s
 
-    def without(self, kind: str, order: int) -> Rows:
-        """These rows without the columns of a kind and order. Cogging has columns "cogging" and "own"."""
-        kinds = ("cogging", "own") if kind == "cogging" else (kind,)
-        removed = [(column_kind, order) for column_kind in kinds]
-        stay = np.array([name[:2] not in removed for name in self.names])
-        names = tuple(name for name, stays in zip(self.names, stay, strict=True) if stays)
-        return replace(self, names=names, columns=self.columns[:, stay])
+    def without(self, removed: Collection[Name]) -> Rows:
+        """These rows without the columns whose names begin with one of `removed`."""
+        stay = [k for k, name in enumerate(self.names) if name[:2] not in removed]
+        return replace(
+            self, names=tuple(self.names[k] for k in stay), columns=self.columns.take(stay, axis=1)
+        )
 
 
 def narrowest_width(log: Log) -> float:
@@ -197,8 +198,9 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
         columns["delay",] = -filtered(current, kernel.slope)
     if log.kind == "load" and "torque" not in log:
         columns["load", log.name] = np.ones(count)
-    if model.stribeck:
-        columns["stribeck",] = filtered(way * np.exp(-((slow / model.stribeck) ** 2)))
+    falls: dict[Name, float] = {("stribeck",): model.stribeck} if model.stribeck else {}
+    falls |= {("stribeck", n): speed for n, speed in enumerate(model.stribeck_trials)}
+    columns |= {name: filtered(way * np.exp(-((slow / speed) ** 2))) for name, speed in falls.items()}
     columns |= _by_angle(log, model, sensor, turned, slow, (current, direct), filtered, kernel)
     y = filtered(current)
     if "torque" in log:
@@ -279,7 +281,7 @@ def _by_angle(
         seen = n * speed < top if n * fastest >= top else None
         if n in model.waves and model.j > 0:
             c, s = model.waves[n]
-            visible = n * speed * log.dt < SEEN_PHASE
+            visible = n * speed * log.dt < SEEN_PHASE if n * fastest * log.dt >= SEEN_PHASE else 1.0
             slope += n / model.j * visible * (s * cosine - c * sine)
         if n in model.cogging:
             share = np.ones(1) if seen is None else _faded(seen, model.width(log) / log.dt)

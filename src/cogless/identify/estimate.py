@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -99,10 +99,15 @@ class Logs:
         self.sensor = Sensor(identification.step, identification.motor.pole_pairs, self.period)
         self.poles = identification.motor.pole_pairs
         self.moving = [log for log in logs if log.dt]
+        self._last: tuple[Model, Equations] | None = None
 
     def equations(self, model: Model) -> Equations:
         """The equations of all logs at the model's delay, with a column of the remaining delay on demand."""
-        return Equations([rows for log in self.logs for rows in rows_of(log, model, self.sensor)])
+        if self._last is None or self._last[0] != model:
+            self._last = None  # This frees their memory before the next ones are made.
+            rows = [rows for log in self.logs for rows in rows_of(log, model, self.sensor)]
+            self._last = model, Equations(rows)
+        return self._last[1]
 
     def solve(self, model: Model, instrument: int = WIDE_INSTRUMENT) -> State:
         equations = self.equations(model)
@@ -210,26 +215,23 @@ class Logs:
             model = taken_out(model, fit)
         return self.solve(model, instrument)
 
-    def cost(self, model: Model, instrument: int) -> float:
-        """Sum over all logs: count of rows times the logarithm of the residual's variance."""
-        equations = self.equations(model)
-        counts = dict.fromkeys(equations.logs, 0)
-        for rows in equations.rows:
-            counts[rows.log.name] += len(rows.y)
-        return float(sum(2 * counts[log] * np.log(x) for log, x in equations.noises(instrument).items()))
-
     def delayed(self, model: Model, instrument: int) -> tuple[Model, float]:
         """The model with the delay of the least residual, and the delay's error, s; 0 and inf: not known.
 
         A fit with instruments gives the remaining delay. Its error and its size make the delay's error.
         """
         grid = max(min((log.dt for log in self.moving), default=0.0), self.period) / 2
+        start = model
+
+        @cache
+        def cost(delay: float) -> float:
+            return self.equations(replace(start, delay=delay)).cost(instrument)
+
         if not model.delay:
-            delays = np.arange(EARLIEST_DELAY, LONGEST_DELAY, 2 * grid)
-            costs = [self.cost(replace(model, delay=float(delay)), instrument) for delay in delays]
-            model = replace(model, delay=float(delays[np.argmin(costs)]))
+            delays = np.arange(EARLIEST_DELAY, LONGEST_DELAY, 2 * grid).tolist()
+            model = replace(model, delay=min(delays, key=cost))
         for _ in range(DELAY_TRIES):
-            costs = [self.cost(replace(model, delay=model.delay + k * grid), instrument) for k in (-1, 0, 1)]
+            costs = [cost(model.delay + k * grid) for k in (-1, 0, 1)]
             bend, slope = costs[0] - 2 * costs[1] + costs[2], (costs[0] - costs[2]) / 2
             steps = float(np.argmin(costs)) - 1.0  # On a flank the curve may bend down: move by a whole step.
             if steps == 0.0 and bend > 0:
@@ -480,29 +482,37 @@ def _standing_out(drive: Logs, state: State) -> State:
         kind, order = min(waves, key=clear.__getitem__, default=("", 0))
         if not waves or clear[kind, order] > 1:
             return state if model == state.model else drive.settled(model, state.instrument)
-        model, equations = _remove_column(model, kind, (kind, order)), equations.without(kind, order)
+        model, equations = _remove_column(model, kind, (kind, order)), equations.without((kind, order))
         fit = equations.fit(state.instrument)
 
 
 def _with_rubbing(drive: Logs, state: State) -> State:
     """The state with friction that varies with the angle or falls with the speed, if the logs show this."""
-    model, instrument = state.model, state.instrument
-    trial = drive.solve(replace(model, friction=FRICTION_ORDERS), instrument).fit
+    model, instrument, rows = state.model, state.instrument, state.equations.rows
+    slowest = min(float(np.median(np.abs(stretch.omega))) for stretch in rows if stretch.log.dt)
+    grid = (slowest * np.geomspace(*STRIBECK_SPEEDS)).tolist()
+    trials = [("stribeck", n) for n in range(len(grid))]
+    equations = drive.equations(replace(model, friction=FRICTION_ORDERS, stribeck_trials=tuple(grid)))
+    trial = equations.without(*trials).fit(instrument)
     friction = tuple(n for n in FRICTION_ORDERS if trial.chance("friction", n) < FEW_CHANCE)
     model = replace(model, friction=friction, stribeck=0.0)
-    falling = _falling(drive, model, instrument, state.equations.rows)
-    return state if falling == state.model else drive.settled(falling, instrument)
+    constant = [("friction", n) for n in FRICTION_ORDERS if n not in friction]
+    equations = equations.without(("stribeck",), *constant)
+    costs = [equations.without(*(k for k in trials if k != one)).cost(instrument) for one in trials]
+    if min(costs) < equations.without(*trials).cost(instrument):
+        model = _falling(drive, model, instrument, grid, costs)
+    return state if model == state.model else drive.settled(model, instrument)
 
 
-def _falling(drive: Logs, model: Model, instrument: int, rows: Sequence[Rows]) -> Model:
-    """The model with a friction that falls with the speed, where the logs show it clearly."""
-    slowest = min(float(np.median(np.abs(stretch.omega))) for stretch in rows if stretch.log.dt)
-    grid = slowest * np.geomspace(*STRIBECK_SPEEDS)
-    costs = np.array([drive.cost(replace(model, stribeck=float(v)), instrument) for v in grid])
+def _falling(
+    drive: Logs, model: Model, instrument: int, grid: Sequence[float], costs: Sequence[float]
+) -> Model:
+    """The model with a friction that falls with the speed, where the logs show it clearly.
+
+    `grid`: speeds over which it may fall, rad/s, with their costs.
+    """
     place = int(np.argmin(costs))
-    if costs[place] >= drive.cost(model, instrument):
-        return model
-    speed, ratio = float(grid[place]), float(grid[1] / grid[0])
+    speed, ratio = grid[place], grid[1] / grid[0]
     if 0 < place < len(grid) - 1:
         before, middle, after = costs[place - 1 : place + 2]
         bend = before - 2 * middle + after

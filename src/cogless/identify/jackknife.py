@@ -177,9 +177,10 @@ class Equations:
         self.names = all_names(rows)
         self.logs = tuple(dict.fromkeys(stretch.log.name for stretch in rows))
 
-    def without(self, kind: str, order: int) -> Equations:
-        """These equations without the waves of a kind and order."""
-        return Equations([rows.without(kind, order) for rows in self.rows])
+    def without(self, *columns: Name) -> Equations:
+        """These equations without columns of these kinds and orders; `own` columns go with their cogging."""
+        removed = {*columns, *(("own", *order) for kind, *order in columns if kind == "cogging")}
+        return Equations([rows.without(removed) for rows in self.rows])
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
@@ -283,6 +284,13 @@ class Equations:
         """Residual of each log, A rms."""
         weights = self._weights(instrument)
         return dict(zip(self.logs, (weights**-0.5).tolist(), strict=True))
+
+    def cost(self, instrument: int = WIDE_INSTRUMENT) -> float:
+        """Sum over all logs: count of rows times the logarithm of the residual's variance."""
+        counts = dict.fromkeys(self.logs, 0)
+        for rows in self.rows:
+            counts[rows.log.name] += len(rows.y)
+        return float(sum(2 * counts[log] * np.log(x) for log, x in self.noises(instrument).items()))
 
     def _with(self, shares: Array) -> tuple[Array, Array]:
         """Matrices and vectors of all blocks, with these shares of the instruments in the inertia's row."""

@@ -26,7 +26,7 @@ MISFIT_MOST = 0.1  # share of what the filter explains: with more misfit the law
 GAIN_ERROR = 0.01  # relative error of the filter's gain, by the law's inertia and the current sensors
 DELAYS_A_ROW = 20  # delays that are tried between two rows of the trace
 LIKELY_EXCESS = 4.0  # excess of the objective over its least, in variances: 95 % of one value
-NO_TRACES: Mapping[str, Trace] = MappingProxyType({})
+NO_FILTERS: Mapping[str, Array] = MappingProxyType({})
 NO_VALUE = Value(0.0, 0.0)
 
 
@@ -60,14 +60,14 @@ def lateness(
     traces: Mapping[str, Trace],
     bandwidth: float,
     period: float,
-    with_dead_time: Mapping[str, Trace] = NO_TRACES,
+    with_dead_time: Mapping[str, Array] = NO_FILTERS,
     by_balance: Value | None = None,
 ) -> Lateness:
     """The delay of i_q by the logs that follow the described law; None and a remark if no log does.
 
     The delay is the middle of all likely delays, and their range gives its error. `bandwidth`: of the current
     loop, rad/s. `period`: of the law, s; rows between the law's samples are not used. `with_dead_time`:
-    traces of a drive with more dead time; with them the dead time is fitted, too. `by_balance`: the delay by
+    filters of a drive with more dead time; with them the dead time is fitted, too. `by_balance`: the delay by
     the balance of torques, s, which counts as one more log unless the law contradicts it.
     """
     profiles: list[Profile] = []
@@ -75,7 +75,7 @@ def lateness(
     for log in logs:
         if "i_q" not in log or log.name not in traces or len(log) < LATENESS_ROWS_LEAST:
             continue
-        every = max(1, round(period / log.dt))
+        every = _every(log, period)
         profile = _profile(log, every, traces[log.name], with_dead_time.get(log.name))
         if profile.misfit > MISFIT_MOST:
             unlike.append((profile.misfit, log.name))
@@ -134,7 +134,7 @@ def _misfit_remark(misfit: float, log: str) -> str:
     )
 
 
-def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -> Profile:
+def _profile(log: Log, every: int, trace: Trace, with_dead_time: Array | None) -> Profile:
     """The profile of a log; what neither delay nor dead time explains counts as noise."""
     step = max(1, round(every * log.dt / trace.period))
     thinned = [slice(rows.start, rows.stop, every) for rows in log.stretches]
@@ -159,7 +159,7 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
     off, free = weighed(off), len(taps) - 1
     part = squares = np.zeros(off.shape[1])
     if with_dead_time is not None:
-        moved = weighed(metric @ (_filters(with_dead_time, step) - filters))
+        moved = weighed(metric @ (with_dead_time - filters))
         squares = np.sum(moved**2, axis=0)
         part = np.divide(np.sum(moved * off, axis=0), squares, out=np.zeros_like(squares), where=squares > 0)
         off, free = off - part * moved, free - 1
@@ -169,16 +169,24 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
     return Profile(delays, rest / spread, part, squares / spread, misfit)
 
 
+def trace_filters(log: Log, trace: Trace, period: float) -> Array:
+    """The filters of a simulated log's rows, one for each sample of the law. `period`: of the law, s."""
+    return _filters(trace, max(1, round(_every(log, period) * log.dt / trace.period)))
+
+
+def _every(log: Log, period: float) -> int:
+    """Rows of a log for each period of the law, s, or 1."""
+    return max(1, round(period / log.dt))
+
+
 def _filters(trace: Trace, step: int) -> Array:
     """The filters of a trace's every step-th row: a row for each tap, a column for each of the delays."""
     columns = _motion(np.unwrap(trace["theta_measured"])[::step], step * trace.period)
-    current = trace["i_q"]
     late = np.arange(LATE_ROWS_MOST * step + 1)
-    sides = []
-    for rows in late:
-        moved = np.concatenate((current[:1].repeat(rows), current[: len(current) - rows]))[::step]
-        sides.append(columns.T @ _changes(moved))
-    filters, *_ = np.linalg.lstsq(columns.T @ columns, np.transpose(sides), rcond=1e-12)
+    current = np.concatenate((trace["i_q"][:1].repeat(late[-1]), trace["i_q"]))
+    of_delays = np.lib.stride_tricks.sliding_window_view(current, len(late))[::step, ::-1]
+    sides = columns.T @ _changes(of_delays)
+    filters, *_ = np.linalg.lstsq(columns.T @ columns, sides, rcond=1e-12)
     fine = np.arange((len(late) - 1) * DELAYS_A_ROW + 1) / DELAYS_A_ROW
     return np.array([np.interp(fine, late, tap) for tap in filters])
 
@@ -193,5 +201,5 @@ def _motion(theta: Array, dt: float) -> Array:
 
 
 def _changes(current: Array) -> Array:
-    """The change of the current in each row of `_motion`."""
-    return np.diff(current[ANGLE_ROWS:])
+    """The change of the current in each row of `_motion`, or of currents, each in a column."""
+    return np.diff(current[ANGLE_ROWS:], axis=0)

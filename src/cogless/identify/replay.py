@@ -8,7 +8,7 @@ subtracted. If the law does not answer as described, all values stay as they are
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,18 +21,20 @@ from cogless.identify import described
 from cogless.identify.advice import Advice, recording
 from cogless.identify.balance import Name
 from cogless.identify.estimate import Progress, at_delay
-from cogless.identify.lateness import NO_VALUE, Lateness, lateness
+from cogless.identify.lateness import NO_VALUE, Lateness, lateness, trace_filters
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
 from cogless.identify.voltage import Agreement
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.run.simulate import rollout
+from cogless.study import Study
 from cogless.study.base import Source
 from cogless.study.drive import Drive
 from cogless.study.reading import checked, speed_study
 
 REPLAY_ROUNDS = 2
 NO_LATENESS = Lateness(None)
+LOGS_TOGETHER = 8  # logs whose simulations run in step, so that progress shows
 REPLAY_ROWS_MOST = 10  # most rows of a trace for each row of its log: the delay may lie between log rows
 TRACE_SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")
 MORE_DEAD_TIME = 0.002  # periods of the current loop: it shows, and is so small that its effect is linear
@@ -41,28 +43,46 @@ UNCORRECTED = "Without a simulation the delay is known only to half a period of 
 RATE_DIFFERENCE = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
-def played(estimate: Estimate, progress: Callable[[float], None], dead_time: float = 0.0) -> dict[str, Trace]:
-    """The simulated trace of each log that can be simulated, by the log's name.
+def played(
+    estimate: Estimate, progress: Callable[[float], None], dead_time: float, more: float
+) -> tuple[dict[str, Trace], dict[str, Array]]:
+    """The trace of each log that can be simulated, by the log's name, and its filters with more dead time.
 
     A trace has the log's rows and some between them. `dead_time`: dead time of the inverter beyond the
-    described one, s. StudyError: the study isn't valid, or a run failed.
+    described one, s. `more`: dead time beyond that for a second simulation, s; 0: there is none. StudyError:
+    the study isn't valid, or a run failed.
     """
-    logs, tables = described.replayable(estimate), described.study(estimate)
-    if dead_time:
-        tables["drive"] = _with_dead_time(tables["drive"], estimate.identification.drive, dead_time)
+    tables, drive = described.study(estimate), estimate.identification.drive
+    times = [dead_time, dead_time + more] if more else [dead_time]
+    drives = [_with_dead_time(tables["drive"], drive, time) if time else tables["drive"] for time in times]
+    rates = [(log, _rate(estimate, log)) for log in described.replayable(estimate)]
+    logs = [(log, rate) for log, rate in rates if rate is not None]
     traces: dict[str, Trace] = {}
-    for n, log in enumerate(logs):
+    filters: dict[str, Array] = {}
+    for n in range(0, len(logs), LOGS_TOGETHER):
         progress(n / len(logs))
-        rate = _rate(estimate, log)
-        if rate is None:
-            continue
-        name = described.scenario_name(log)
-        one = {**tables, "scenario": {name: tables["scenario"][name]}, "trace": {"rate": f"{rate!r} Hz"}}
-        one["metric"] = []
-        study = speed_study(checked(Source(Path(estimate.identification.path), one)))
-        (results,) = rollout([study], [f"*/{log.rule.controller or next(iter(study.controller))}"], jobs=1)
-        traces[log.name] = _log_signals(results.runs[0].trace)
-    return traces
+        together = logs[n : n + LOGS_TOGETHER]
+        studies = [
+            _study_of(estimate, log, {**tables, "drive": table, "trace": {"rate": f"{rate!r} Hz"}})
+            for log, rate in together
+            for table in drives
+        ]
+        finished = iter(rollout(studies, signals=TRACE_SIGNALS))
+        for log, _ in together:
+            traces[log.name] = next(finished).runs[0].trace
+            if more:  # whole traces would fill twice the memory
+                trace = next(finished).runs[0].trace
+                filters[log.name] = trace_filters(log, trace, 1 / drive.rates.outer_loop)
+    return traces, filters
+
+
+def _study_of(estimate: Estimate, log: Log, tables: Mapping[str, Any]) -> Study:
+    """The study of one log in these tables: its scenario, with its controller."""
+    name = described.scenario_name(log)
+    controller = log.rule.controller or next(iter(tables["controller"]))
+    scenario = {**tables["scenario"][name], "controllers": [controller]}
+    one = {**tables, "scenario": {name: scenario}, "metric": []}
+    return speed_study(checked(Source(Path(estimate.identification.path), one)))
 
 
 def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[str, Any]:
@@ -107,14 +127,6 @@ def _said_of_dead_time(more: Value, drive: Drive) -> str:
         "The cause may also be the voltage drop of transistors and diodes, or a wrong R_s, L_q or bandwidth "
         "of the current loop."
     )
-
-
-def _log_signals(trace: Trace) -> Trace:
-    """The trace with only the signals that a log needs: sixteen whole traces would fill a gigabyte."""
-    names = tuple(name for name in TRACE_SIGNALS if name in trace)
-    units = dict(zip(trace.names, trace.units, strict=True))
-    data = np.column_stack([trace[name] for name in names])
-    return Trace(names, tuple(units.get(name, "") for name in names), data)
 
 
 def _rate(estimate: Estimate, log: Log) -> float | None:
@@ -171,16 +183,13 @@ def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str,
     if "j" not in estimate.values or estimate.fit is None or not controlled:
         return estimate, {}
     traces: dict[str, Trace] = {}
-    with_dead_time: dict[str, Trace] = {}
     drive, dead_time, late = estimate.identification.drive, NO_VALUE, NO_LATENESS
     for n in range(REPLAY_ROUNDS):
-        own = _likely(dead_time, drive)
-        traces, with_dead_time = {}, {}  # This frees the memory of the round before.
+        own, more = _likely(dead_time, drive), 0.0 if drive.inverter is None else _more(drive)
+        traces = {}  # This frees the memory of the round before.
         try:
-            traces = played(estimate, partial(progress, f"simulation {n + 1} of {REPLAY_ROUNDS}"), own)
-            if drive.inverter is not None:
-                stage = f"simulation {n + 1} of {REPLAY_ROUNDS} with more dead time"
-                with_dead_time = played(estimate, partial(progress, stage), own + _more(drive))
+            stage = partial(progress, f"simulation {n + 1} of {REPLAY_ROUNDS}")
+            traces, with_dead_time = played(estimate, stage, own, more)
         except StudyError as error:
             return _with_remark(first, f"The logs could not be simulated ({error}). {UNCORRECTED}"), {}
         if not controlled <= traces.keys():
@@ -213,8 +222,8 @@ def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str,
             for log in first.logs
         ]
         estimate = at_delay(first, late.delay, simulated, _truth(estimate))
-        more = late.part.times(_more(drive))
-        dead_time = replace(more, value=own + more.value)
+        part = late.part.times(_more(drive))
+        dead_time = replace(part, value=own + part.value)
     remark = late.remark or _said_of_dead_time(dead_time, drive)
     return (_with_remark(estimate, remark) if remark else estimate), traces
 

@@ -11,7 +11,7 @@ import math
 import mmap
 import tempfile
 import weakref
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -248,13 +248,25 @@ class TraceFile:
 
 
 class TraceRoom:
-    """Room for a study's traces: memory for the first IN_MEMORY bytes, then files in a folder."""
+    """Room for a study's traces: memory for the first IN_MEMORY bytes, then files in a folder.
 
-    def __init__(self, folder: Path) -> None:
+    `folder`: None: memory alone. `signals`: the only ones to record besides time; None: all.
+    """
+
+    def __init__(self, folder: Path | None = None, signals: Collection[str] | None = None) -> None:
         self._folder, self._left, self._lock = folder, IN_MEMORY, Lock()
+        self._signals = signals
+
+    def columns(self, signals: Sequence[tuple[str, str]]) -> list[int]:
+        """Places of those of a run's signals (name, unit) that are recorded; empty: all are."""
+        if self._signals is None:
+            return []
+        return [k for k, (name, _) in enumerate(signals) if name == "time" or name in self._signals]
 
     def file(self, signals: Sequence[tuple[str, str]], rows: int) -> TraceFile | None:
         """A file for a trace of so many rows of signals (name, unit); None if it may stay in memory."""
+        if self._folder is None:
+            return None
         size = 8 * rows * len(signals)
         with self._lock:
             if size <= self._left:

@@ -31,38 +31,48 @@ def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
     }
 
 
-def carried_out(planned: Plan, progress: RunProgress, stop: Event, room: TraceRoom | None) -> Run:
+class _Record:
+    """What is recorded of a run that goes on, in memory or in a file."""
+
+    def __init__(self, planned: Plan, room: TraceRoom) -> None:
+        drive, rows = planned.drive, planned.trace_rows
+        columns = room.columns(drive.signals)
+        self._signals = [drive.signals[k] for k in columns] or drive.signals
+        self._file = room.file(self._signals, rows)
+        self.recorder = planned.engine.Recorder(drive, planned.decimation, 0 if self._file else rows, columns)
+
+    def after_a_piece(self) -> None:
+        if self._file is not None:
+            self._file.append(self.recorder.take())
+
+    def trace(self) -> Trace:
+        """The trace of the finished run."""
+        return self._file.trace() if self._file is not None else trace_of(self._signals, self.recorder)
+
+
+def carried_out(planned: Plan, progress: RunProgress, stop: Event, room: TraceRoom) -> Run:
     """Carry out one plan alone, and compute the run's metrics. StudyError: the run failed."""
     drive, state = planned.drive, planned.start()
-    file = room.file(drive.signals, planned.trace_rows) if room is not None else None
-    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else planned.trace_rows)
+    record = _Record(planned, room)
 
     def after_a_piece(share: float) -> None:
-        if file is not None:
-            file.append(recorder.take())
+        record.after_a_piece()
         progress(share)
 
     def run(ticks: int) -> None:
         with failures(*planned.names, lambda: planned.when(state.tick)):
-            drive.advance(state, recorder, ticks)
+            drive.advance(state, record.recorder, ticks)
 
     advance(run, planned.ticks, after_a_piece, stop)
-    trace = trace_of(drive, recorder) if file is None else file.trace()
-    return _finished(planned, state, trace, 1)
+    return _finished(planned, state, record.trace(), 1)
 
 
 class _Lane:
     """A run that the engine computes in step with others. `error`: why the run failed, or ""."""
 
-    def __init__(self, planned: Plan, room: TraceRoom | None) -> None:
+    def __init__(self, planned: Plan, room: TraceRoom) -> None:
         self.planned, self.state, self.error = planned, planned.start(), ""
-        rows = planned.trace_rows
-        self.file = room.file(planned.drive.signals, rows) if room is not None else None
-        self.recorder = planned.engine.Recorder(planned.drive, planned.decimation, 0 if self.file else rows)
-
-    def after_a_piece(self) -> None:
-        if self.file is not None and not self.error:
-            self.file.append(self.recorder.take())
+        self.record = _Record(planned, room)
 
     def outcome(self, lanes: int) -> Run | StudyError:
         """The finished run, or why it failed."""
@@ -71,17 +81,13 @@ class _Lane:
             with failures(*planned.names, lambda: planned.when(state.tick)):
                 if self.error:
                     raise RuntimeError(self.error)
-            file = self.file
             with memory_enough(*planned.names):
-                trace = trace_of(planned.drive, self.recorder) if file is None else file.trace()
-                return _finished(planned, state, trace, lanes)
+                return _finished(planned, state, self.record.trace(), lanes)
         except StudyError as error:
             return error
 
 
-def carried_out_together(
-    plans: Sequence[Plan], stop: Event, room: TraceRoom | None
-) -> list[Run | StudyError]:
+def carried_out_together(plans: Sequence[Plan], stop: Event, room: TraceRoom) -> list[Run | StudyError]:
     """Carry out plans of one engine. Plans that are alike run in step, at most one per lane of the engine.
 
     Each run has bit for bit the numbers of a run alone. Returns each plan's run, or why the run failed.
@@ -106,7 +112,7 @@ def _goes_with(plan: Plan, other: Plan) -> bool:
     )
 
 
-def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom | None) -> list[Run | StudyError]:
+def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom) -> list[Run | StudyError]:
     if len(plans) == 1:
         try:
             return [carried_out(plans[0], lambda share: None, stop, room)]
@@ -121,7 +127,7 @@ def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom | None) -> lis
             errors = engine.advance_lanes(
                 [lane.planned.drive for lane in running],
                 [lane.state for lane in running],
-                [lane.recorder for lane in running],
+                [lane.record.recorder for lane in running],
                 ticks,
             )
             for lane, error in zip(running, errors, strict=True):
@@ -129,7 +135,8 @@ def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom | None) -> lis
 
     def after_a_piece(share: float) -> None:
         for lane in lanes:
-            lane.after_a_piece()
+            if not lane.error:
+                lane.record.after_a_piece()
 
     advance(step, plans[0].ticks, after_a_piece, stop)
     return [lane.outcome(len(lanes)) for lane in lanes]
@@ -144,7 +151,7 @@ def _feedback_trace(study: TrialStudy, planned: Plan) -> Trace | None:
     recorder = alone.engine.Recorder(alone.drive, alone.decimation, alone.trace_rows)
     with failures(*alone.names, lambda: " without learning"):
         alone.drive.advance(state, recorder, alone.ticks)
-    return trace_of(alone.drive, recorder)
+    return trace_of(alone.drive.signals, recorder)
 
 
 def _finished(planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -176,9 +176,9 @@ def advance(run: Callable[[int], None], ticks: int, progress: RunProgress, stop:
         piece = max(1, min(4 * piece, int(step * PROGRESS_PERIOD / spent)))
 
 
-def trace_of(drive: Any, recorder: Any) -> Trace:
-    """Take the rows recorded so far from the recorder, as a trace."""
-    names, units = zip(*drive.signals, strict=True)
+def trace_of(signals: Sequence[tuple[str, str]], recorder: Any) -> Trace:
+    """Take the rows of these signals (name, unit) recorded so far from the recorder, as a trace."""
+    names, units = zip(*signals, strict=True)
     return Trace(names, units, recorder.take())
 
 
@@ -377,7 +377,7 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
                 drive.advance(state, recorder, ticks)
 
         advance(run, piece, lambda share: None, stop)
-        if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
+        if not int(trace_of(drive.signals, recorder)["status"][-1]) & Status.BUSY:
             return drive.stored(state)["values"]
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
     raise StudyError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -70,7 +70,7 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: RunProgr
     """
     _check_names(study, scenario, controller)
     designs = _prepare(study, [(scenario, controller)])
-    return _run(study, designs, scenario, controller, progress or (lambda share: None), Event())
+    return _run(study, designs, scenario, controller, progress or (lambda share: None), Event(), TraceRoom())
 
 
 def learning_off(study: Study, scenario: str, controller: str, traces: Path | None = None) -> Run | None:
@@ -81,7 +81,7 @@ def learning_off(study: Study, scenario: str, controller: str, traces: Path | No
     planned, stop = learning_off_plan(study, scenario, controller), Event()
     if planned is None:
         return None
-    room = TraceRoom(traces) if traces is not None else None
+    room = TraceRoom(traces)
 
     def carry_out() -> Run:
         with memory_enough(study, scenario, controller):
@@ -123,7 +123,7 @@ def run_study(
     with `interrupted` set. A controller of trials that can't be designed doesn't run; the results say why.
     StudyError: no controller can be designed. RunError: a run failed; all other runs are finished.
     """
-    room = TraceRoom(traces) if traces is not None else None
+    room = TraceRoom(traces)
     asked_pairs = runs_of(study, only)
     designs = _prepare(study, asked_pairs)
     pairs = [pair for pair in asked_pairs if pair not in designs.refused]
@@ -140,6 +140,7 @@ def rollout(
     *,
     keep_traces: bool = True,
     traces: Path | None = None,
+    signals: Collection[str] | None = None,
 ) -> list[AnyResults]:
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
@@ -148,11 +149,12 @@ def rollout(
     `Run.lanes` is the number of runs that were computed in step.
 
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
-    once its metrics are computed, so that thousands of runs fit into memory. `traces` and Ctrl-C as in
+    once its metrics are computed, so that thousands of runs fit into memory. `signals`: the only signals to
+    record besides time, for smaller traces; metrics of others are left out. `traces` and Ctrl-C as in
     run_study.
     RunError: a run failed, or could not be prepared; its `all_results` has all other runs, finished.
     """
-    room = TraceRoom(traces) if traces is not None else None
+    room = TraceRoom(traces, signals)
     refused: dict[tuple[int, Pair], StudyError] = {}
     prepared = []
     for number, study in enumerate(studies):
@@ -169,7 +171,7 @@ def _rollout(
     progress: StudyProgress | None,
     jobs: int,
     keep_traces: bool,
-    room: TraceRoom | None = None,
+    room: TraceRoom,
 ) -> list[AnyResults]:
     """Make the given runs of each study with its designs; return each study's results.
 
@@ -236,7 +238,7 @@ def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
     return groups
 
 
-def _together(members: Sequence[_Pending], stop: Event, room: TraceRoom | None) -> list[Run | StudyError]:
+def _together(members: Sequence[_Pending], stop: Event, room: TraceRoom) -> list[Run | StudyError]:
     planned: list[Plan | StudyError] = []
     for run in members:
         try:
@@ -323,7 +325,7 @@ def _run(
     controller: str,
     progress: RunProgress,
     stop: Event,
-    room: TraceRoom | None = None,
+    room: TraceRoom,
 ) -> Run:
     planned = _planned(study, designs, scenario, controller, stop)
     with memory_enough(study, scenario, controller):

@@ -68,7 +68,7 @@ def recorded(planned: Plan, ticks: int) -> Trace:
     recorder = planned.engine.Recorder(planned.drive, 1, ticks)
     with failures(*planned.names):
         planned.drive.advance(planned.start(), recorder, ticks)
-    return trace_of(planned.drive, recorder)
+    return trace_of(planned.drive.signals, recorder)
 
 
 def contents(study: TrialStudy, planned: Plan, trace: Trace, trials: int, command: str) -> dict[str, bytes]:
