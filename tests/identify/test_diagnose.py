@@ -289,7 +289,7 @@ def test_the_voltage_tells_a_current_in_rms(tmp_path):
     (said,) = [line for line in diagnose(tmp_path, text, rms).remarks if "rms amperes" in line]
     assert said.startswith("By the voltage, R is 7.")
     assert said.endswith(
-        "ohm, sqrt(2) times that of the file of columns (5). Either i_q is in rms amperes, and all torques "
+        "ohm, sqrt(2) times that in the file of columns (5). Either i_q is in rms amperes, and all torques "
         "are sqrt(2) times too small, or the winding is 105 K warmer; record i_a and i_b to decide this."
     )
 

@@ -91,7 +91,7 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
         said = voltage._of_k_t(known, Value(value, 0.004))
         assert said.endswith(f"; the values differ by sqrt(2), the factor between rms and peak{ends}")
     assert voltage._of_r(known, Value(2.7, 0.13)) == [
-        "By the voltage, R is 2.7 +- 0.13 ohm, sqrt(2) times that of the file of columns (2). Either i_q is "
+        "By the voltage, R is 2.7 +- 0.13 ohm, sqrt(2) times that in the file of columns (2). Either i_q is "
         "in rms amperes, and all torques are sqrt(2) times too small, or the winding is 105 K warmer; record "
         "i_a and i_b to decide this."
     ]

@@ -397,7 +397,8 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
         f'then "{scale:.4g}" is the whole table again',
         notes=(
             "moteus adds the table's current only in position mode, after the torque limit.",
-            "A calibration or an encoder compensation moves the index: write the table afterwards.",
+            "A calibration or an encoder compensation shifts the angle over which moteus reads this table: "
+            "afterwards record new logs and write a new table.",
         ),
         table_params={"scale": scale, "entries": entries, "direction": frame.direction},
     )

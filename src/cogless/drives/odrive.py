@@ -304,9 +304,15 @@ ODRIVE = Adapter(
     name="odrive",
     title="ODrive",
     reads=(
-        Feature("0.5: NPZ or CSV of a BulkCapture, with time and paths as headings", Certainty.SOURCE),
-        Feature("0.6: NPZ or CSV of a high-rate capture, with timestamps and paths", Certainty.DRIVE),
-        Feature("0.5: the map by get_anticogging_value, as a table", Certainty.SOURCE),
+        Feature(
+            "firmware 0.5: NPZ or CSV of a BulkCapture; headings time, axis0.encoder.pos_estimate and so on",
+            Certainty.SOURCE,
+        ),
+        Feature(
+            "firmware 0.6: NPZ or CSV of a high-rate capture; headings timestamps, axis0.pos_estimate and so on",
+            Certainty.DRIVE,
+        ),
+        Feature("firmware 0.5: the map by get_anticogging_value, as a table", Certainty.SOURCE),
         Feature("odrivetool backup-config: motor and drive", Certainty.DRIVE),
     ),
     writes=(

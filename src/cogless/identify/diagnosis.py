@@ -416,7 +416,8 @@ def sizes(diagnosis: Diagnosis, log: str) -> str:
         says.append(f"of this the rotor's motion is {motion:.3g}, the rest is the encoder's error")
     if noise > LINE_SHARE_LEAST:
         says.append(
-            f"steps and noise are {100 * noise:.0f} % of the square of the logged {diagnosis.logged[log]:.3g}"
+            f"the logged speed ripples by {diagnosis.logged[log]:.3g} rad/s rms; {100 * noise:.0f} % of the "
+            "square of this are steps and noise of the measurement"
         )
     return ", ".join(says)
 
