@@ -893,8 +893,11 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     assert f"<li>{slow.log}: 0.559 rad/s rms</li>" in page
     more = replace(made, logged={slow.log: 1.0}, uses={"a": "holds the rotor"})
     page = diagnosed.render(more)
-    assert f"<li>{slow.log}: 0.559 rad/s rms, the logged speed ripples by 1 rad/s rms; 69 % of the "
-        "square of this are steps and noise of the measurement<" in page
+    says = (
+        "the logged speed ripples by 1 rad/s rms; "
+        "69 % of the square of this are steps and noise of the measurement"
+    )
+    assert f"<li>{slow.log}: 0.559 rad/s rms, {says}<" in page
     assert "<li>a: holds the rotor</li>" in page
     assert "Nothing is left out." in diagnosed.render(replace(made, remarks=()))
 

@@ -305,11 +305,11 @@ ODRIVE = Adapter(
     title="ODrive",
     reads=(
         Feature(
-            "firmware 0.5: NPZ or CSV of a BulkCapture; headings time, axis0.encoder.pos_estimate and so on",
+            "firmware 0.5: NPZ or CSV of a BulkCapture; headings time, axis0.encoder.pos_estimate, ...",
             Certainty.SOURCE,
         ),
         Feature(
-            "firmware 0.6: NPZ or CSV of a high-rate capture; headings timestamps, axis0.pos_estimate and so on",
+            "firmware 0.6: NPZ or CSV of a high-rate capture; headings timestamps, axis0.pos_estimate, ...",
             Certainty.DRIVE,
         ),
         Feature("firmware 0.5: the map by get_anticogging_value, as a table", Certainty.SOURCE),

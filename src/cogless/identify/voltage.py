@@ -228,9 +228,9 @@ def _of_r(identification: Identification, measured: Value) -> list[str]:
     return [
         Advice(
             f"By the voltage, R is {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times that in "
-            f"{identification.described_in} ({described:.3g}). Either i_q is in rms amperes, and all torques are "
-            f"sqrt(2) times too small, or the winding is {TEMPERATURE_RISE:.0f} K warmer; record i_a and i_b "
-            "to decide this.",
+            f"{identification.described_in} ({described:.3g}). Either i_q is in rms amperes, and all torques "
+            f"are sqrt(2) times too small, or the winding is {TEMPERATURE_RISE:.0f} K warmer; record i_a and "
+            "i_b to decide this.",
             recording(signal="i_a"),
         )
     ]

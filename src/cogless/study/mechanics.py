@@ -182,8 +182,8 @@ class GearError(Table):
     order: Order
     """Waves per revolution."""
     angle: AngleMagnitude  # rad
-    r"""Amplitude of this part of the error. The part adds `angle` times sin(`order` $\theta$ + `phase`) to the
-    position of the gear's output; $\theta$ is the position of the shaft that `side` names."""
+    r"""Amplitude of this part of the error. The part adds `angle` times sin(`order` $\theta$ + `phase`) to
+    the position of the gear's output; $\theta$ is the position of the shaft that `side` names."""
     phase: Angle = 0.0  # rad
     """Phase of this part."""
 
