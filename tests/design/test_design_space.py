@@ -384,8 +384,7 @@ def test_a_study_is_told_what_the_proofs_ask() -> None:
     text, plain = printed(study), to_dict(study)["controllers"]["learning"]["theorem"]
     assert "Known bounds, mechanical: h 0.217 to 0.345 A*s^2/rad, k_h 5.4" in text
     assert (
-        "law (4) of Verrelli 2016, section 3: k = 20 is 0.033 of the printed bound (613), 0.029 of the "
-        "corrected bound (681)" in text
+        "k = 20 is 0.033 times the printed bound (613) and 0.029 times the corrected bound (681)" in text
     )
     assert not plain["holds"]
     assert plain["asks"]["the corrected bound"] == pytest.approx(681, rel=1e-3)
@@ -400,7 +399,7 @@ def test_a_condition_that_asks_for_nothing_is_not_compared_by_a_ratio() -> None:
     flat = Path(__file__).parents[2] / "examples" / "my_motor.toml"
     found = theorem(load(flat, {"controller.space": own}), "space")
     assert found is not None and found.conditions[-1].asks == 0
-    assert " is above g_d (eta_bar + omega+) / 2 (0), no k is enough for " in found.verdict()
+    assert " is above g_d (eta_bar + omega+) / 2 (0); no k is enough for " in found.verdict()
     assert "inf" not in found.verdict()
 
 
@@ -505,7 +504,8 @@ def test_flux_that_takes_all_torque_is_in_the_way_of_every_proof() -> None:
     assert found is not None and found.bounds is None
     reasons = f"the torque per current comes down to zero; {FORGETS}"
     assert (
-        found.verdict() == f"law (4) of Verrelli 2016, section 3: k = 20: not covered by the proof; {reasons}"
+        found.verdict()
+        == f"law (4) of Verrelli 2016, section 3: not covered by the proof, because {reasons}"
     )
 
 

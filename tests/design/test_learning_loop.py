@@ -236,7 +236,7 @@ def test_no_ripple_is_as_much_as_before() -> None:
 def test_counts_come_by_speed_and_window() -> None:
     sensor = Sampled(count=0.01, window=1e-3, timed=False)
     assert sensor.counts(-20.0) == pytest.approx(2.0)
-    assert sensor.counts_clause(-20.0) == "2 counts per speed sample"
+    assert sensor.counts_clause(-20.0) == "the position sensor gives 2 counts per speed sample"
 
 
 TURN, ENCODER = 2 * np.pi, {"kind": "encoder", "lines": 2500}
@@ -274,7 +274,7 @@ def test_less_than_a_count_in_a_sample_is_a_doubt(counts: float, told: bool) -> 
     source = sampled(study, key)
     assert source is not None
     slow, fast = (each * source.count / source.window for each in (counts, 5.0))
-    few = f" {counts:.2g} counts per speed sample"
+    few = f" the position sensor gives {counts:.2g} counts per speed sample"
     for scenario, inside in ((key, ""), (other, f" in scenario {key}")):
         at = ((slow, key), (fast, scenario))
         found = doubts([PeriodicLoop(study, "pi-ilc", speed, scenario=name) for speed, name in at])

@@ -325,7 +325,7 @@ def test_names_that_collide_in_results_json(tmp_path: Path) -> None:
     expected = 'expected a name that no other metric of scenario "low" has in results.json: a_rad_s'
     assert line(error, tmp_path) == f'study.toml: metric.1.name: "a_rad_s": {expected}'
     apart = [{**metric[0], "scenarios": ["low"]}, {**metric[1], "scenarios": ["step"]}]
-    with pytest.raises(StudyError, match=r"metric\.1\.name: .*expected the kind, signal"):
+    with pytest.raises(StudyError, match=r"metric\.1\.name: .*expected the same kind, signal"):
         studies.study(tmp_path, {"metric": apart})
 
 

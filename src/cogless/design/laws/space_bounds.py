@@ -120,7 +120,7 @@ class Theorem:
         gain_compared += f" no {self.gain} is enough for {_either(never)}" if never else ""
         reasons = f", because {'; '.join(self.obstacles)}" if self.obstacles else ""
         covers = "the proof holds" if self.holds else "not covered by the proof"
-        return f"{self.section}: {covers}{reasons}. {gain_compared}"
+        return f"{self.section}: {covers}{reasons}" + (f". {gain_compared}" if self.conditions else "")
 
 
 def position_gains(study: Study, name: str) -> Gains:
