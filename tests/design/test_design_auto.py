@@ -177,7 +177,9 @@ def test_an_axis_at_rest_has_nothing_to_tune_for() -> None:
 
 
 def test_phase_margin_must_be_given_for_its_own_rule() -> None:
-    with pytest.raises(StudyError, match=r"controller\.pi\.tuning\.phase_margin: missing: expected a phase margin"):
+    with pytest.raises(
+        StudyError, match=r"controller\.pi\.tuning\.phase_margin: missing: expected a phase margin"
+    ):
         load("uomodri", {"controller.pi.tuning": {"rule": "phase-margin"}})
 
 

@@ -383,9 +383,7 @@ def test_a_study_is_told_what_the_proofs_ask() -> None:
     study = load("verrelli2016-speed")
     text, plain = printed(study), to_dict(study)["controllers"]["learning"]["theorem"]
     assert "Known bounds, mechanical: h 0.217 to 0.345 A*s^2/rad, k_h 5.4" in text
-    assert (
-        "k = 20 is 0.033 times the printed bound (613) and 0.029 times the corrected bound (681)" in text
-    )
+    assert "k = 20 is 0.033 times the printed bound (613) and 0.029 times the corrected bound (681)" in text
     assert not plain["holds"]
     assert plain["asks"]["the corrected bound"] == pytest.approx(681, rel=1e-3)
     assert plain["ratio"]["the corrected bound"] == pytest.approx(20 / 681, rel=1e-3)
@@ -504,8 +502,7 @@ def test_flux_that_takes_all_torque_is_in_the_way_of_every_proof() -> None:
     assert found is not None and found.bounds is None
     reasons = f"the torque per current comes down to zero; {FORGETS}"
     assert (
-        found.verdict()
-        == f"law (4) of Verrelli 2016, section 3: not covered by the proof, because {reasons}"
+        found.verdict() == f"law (4) of Verrelli 2016, section 3: not covered by the proof, because {reasons}"
     )
 
 

@@ -264,12 +264,43 @@ def test_questions_at_a_terminal(
     assert '"nothing": expected a number in rpm/V, or with its unit, such as "1 rpm/V"' in out
     assert f'"odriv": expected one of {DRIVES}, perhaps "odrive"' in " ".join(out.split())
     assert max(map(len, out.replace("]: ", "]: \n").splitlines())) <= 80
-    assert "Not asked, so guessed: --inertia, --inductance, --slots, --friction, " in " ".join(out.split())
+    assert (
+        "Not asked, so guessed: --inertia, --inductance, --slots, --rated-current, --friction, "
+        in " ".join(out.split())
+    )
     tables: dict[str, Any] = load("asked").source.tables
     assert tables["motor"]["pole_pairs"] == 11 and tables["motor"]["kv"] == "58 rpm/V"
     assert tables["motor"]["resistance_line_to_line"] == "5.6 ohm"
     assert tables["drive"]["rates"]["current_loop"] == "8 kHz"
     assert tables["scenario"]["slow"]["reference"] == "30 rpm"
+
+
+def test_a_motor_of_ones_own_may_have_a_torque_constant(
+    unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch, "own", "8", "33.5 mN*m/A", "0.573", "", "generic", "as5047", "30")
+    assert cogless(capsys, "new", "asked")[0] == 0
+    motor = load("asked").source.tables["motor"]
+    assert motor["K_t"] == "33.5 mN*m/A" and "kv" not in motor
+
+
+def test_of_a_step_motor_the_detent_torque_is_not_asked(
+    unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch, "nema17", "0.4 N*m", "1.7", "1.5", "stepper", "as5047", "20")
+    _, out, _ = cogless(capsys, "new", "asked")
+    guessed = " ".join(out.split()).partition("Not asked, so guessed: ")[2]
+    assert guessed.startswith("--inertia, --inductance, --detent-torque, --friction, ")
+
+
+def test_an_inertia_of_rotor_and_load_takes_no_load_beside_it(capsys: pytest.CaptureFixture[str]) -> None:
+    motor = ("--pole-pairs", 7, "--kv", 80, "--resistance", 0.5, "--drive", "generic", "--encoder", "as5047")
+    both = ("--inertia", "92.5 g*cm^2", "--load-inertia", "60 g*cm^2")
+    code, _, err = cogless(capsys, "new", "slider", *motor, *both)
+    assert code == 2 and err.strip() == (
+        '--load-inertia: "60 g*cm^2": expected no such option, since --inertia is that of rotor and load '
+        "together: add the two"
+    )
 
 
 def test_each_question_has_a_default(

@@ -290,7 +290,10 @@ def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
 
     if motor == "own":
         for flag, (text, default) in _needed_numbers(numbers).items():
-            numbers[flag] = _ask(flag, _Question(text, default, partial(parse_number, flag)))
+            if flag == "kv":
+                numbers.update([_ask(flag, _Question(text, default, _constant))])
+            else:
+                numbers[flag] = _ask(flag, _Question(text, default, partial(parse_number, flag)))
         if asks():
             _ask_number("cogging", COGGING_QUESTION, "guess", numbers)
     elif asks():
@@ -301,7 +304,7 @@ def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """{flag: (question, default)} of the missing numbers that a motor of class "own" can't do without."""
     needed = {
         "pole-pairs": ("Pole pairs (half the number of magnets)", "7"),
-        "kv": ("Kv, r/min per volt of the battery", "80"),
+        "kv": (CONSTANT_QUESTION, "80"),
         "resistance": ("Resistance between two terminals, in ohm", "0.5"),
     }
     if CONSTANTS & numbers.keys() or {"rated-torque", "rated-current"} <= numbers.keys():
@@ -309,6 +312,7 @@ def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     return {flag: question for flag, question in needed.items() if flag not in numbers}
 
 
+CONSTANT_QUESTION = "Kv in r/min per V, or torque constant such as 0.1 N*m/A"
 COGGING_QUESTION = "Cogging torque, half of peak to peak, in N*m"
 
 
@@ -335,8 +339,8 @@ def _ask_of_class(motor: str, numbers: dict[str, Any]) -> None:
     _ask_number("pole-pairs", "Pole pairs (half the number of magnets)", f"guess: {pole_pairs}", numbers)
     if not CONSTANTS & numbers.keys():
         default = f"guess: {amount(part['kv'].typical, NUMBERS['kv'].dimension)}"
-        text = "Kv in r/min per V, or torque constant such as 0.1 N*m/A"
-        numbers.update([] if (pair := _ask_unless("kv", text, default, _constant)) is None else [pair])
+        pair = _ask_unless("kv", CONSTANT_QUESTION, default, _constant)
+        numbers.update([] if pair is None else [pair])
     ask("resistance", "Resistance between two terminals, in ohm", 2 * part["resistance"].typical)
     ask("cogging", COGGING_QUESTION, part["cogging"].typical * torque)
 
@@ -354,11 +358,12 @@ def _constant(text: str) -> tuple[str, Any]:
 
 def _say_not_asked(motor: str, numbers: Mapping[str, Any]) -> None:
     """Say which numbers were not asked for, by their flags."""
-    flags = [flag for flag in NOT_ASKED if flag not in numbers and (flag != "slots" or "nema" not in motor)]
+    of_motor = ("detent-torque",) if "nema" in motor else ("slots", "rated-current")
+    flags = [flag for flag in ("inertia", "inductance", *of_motor, *NOT_ASKED) if flag not in numbers]
     print("\n".join(_wrapped(f"Not asked, so guessed: {', '.join(f'--{flag}' for flag in flags)}.")))
 
 
-NOT_ASKED = ("inertia", "inductance", "slots", "friction", "rated-current", "bus-voltage", "current-limit")
+NOT_ASKED = ("friction", "bus-voltage", "current-limit")
 
 
 def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
@@ -482,8 +487,8 @@ def _effect_text(effect: Effect) -> str:
     if effect.decides:
         lost = {label: answer for label, answer in effect.outcomes.items() if not answer.holds}
         if not effect.nominal.holds:
-            good = next(label for label, answer in effect.outcomes.items() if answer.holds)
-            return f"with {good} the speed is held"
+            good, outcome = next(item for item in effect.outcomes.items() if item[1].holds)
+            return f"with {good} the speed is held, and harmonic leaves {_rpm(outcome.ripple)}"
         label, outcome = next(iter(lost.items()))
         return f"with {label} the speed is not held: {outcome.why}"
     low, high = effect.ripples

@@ -382,6 +382,7 @@ def _mechanics(sheet: Sheet, request: Request, motor: MotorFacts) -> None:
     section = sheet.section("[mechanics]")
     part, size = motor.part, motor.size
     if "inertia" in request.numbers:
+        _refuse(request, ("load-inertia",), "since --inertia is that of rotor and load together: add the two")
         section.put("inertia", request.numbers["inertia"].text)
     else:
         rotor = adapted(part["inertia"].scaled(size.inertia_factor), is_same_size(size.inertia_factor))
