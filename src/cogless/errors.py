@@ -16,8 +16,8 @@ def first_line(error: BaseException) -> str:
 class StudyError(Exception):
     """A mistake in a study or on the command line, as `FILE: key: VALUE: expected ...`; one line per mistake.
 
-    The command line prints the text unchanged and exits with code 2. `cures`: the changes that the text
-    advises, values by dotted key; each of these helps without the others.
+    The command line prints the text unchanged and exits with code 2. `cures`: the changes of the study that
+    the text advises. Each of them has values by dotted key, and helps without the others.
     """
 
     cures: tuple[Mapping[str, Any], ...] = ()

@@ -57,7 +57,11 @@ GAIN_MARGIN = 2.0  # margin of the gain on single orders, and of a gain in 1 / |
 
 
 def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
-    """Read a study, as `cogless.study.load`, and give the laws with the rule auto their numbers."""
+    """Read a study by path or shipped name, and compute the numbers of laws with the rule auto.
+
+    `changes` replace values by dotted key, such as {"controller.pi.kp": 0.02}. A plain number takes the unit
+    of the text that it replaces. StudyError lists the mistakes in the study, one per line.
+    """
     return filled(load_study(study, changes))
 
 

@@ -543,8 +543,8 @@ class PiDesign:
 def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
     """The speed loop as the controller assumes it, or with the true values and overrides of a scenario.
 
-    The torque per current is the motor's mean in a scenario. Otherwise it follows from the flux that the
-    controller assumes.
+    With a scenario, the torque per current is the mean of the true motor. Otherwise it follows from the flux
+    that the controller assumes.
     """
     return study.once(_speed_loop, scenario)
 
@@ -591,7 +591,7 @@ def tuning_of(study: Study, name: str) -> Tuning:
 
 @lru_cache(maxsize=32)
 def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
-    """Gains for a phase margin; NoMarginError if no crossover below half the sampling rate has it."""
+    """PI gains for a phase margin; NoMarginError if no crossover below half the sampling rate has it."""
     x = root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)
     half = loop.period / 2
     for w in (_substituted(loop, x), _bisected(loop, x)):
@@ -637,7 +637,7 @@ def _bisected(loop: SpeedLoop, x: float) -> float | None:
 
 
 def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
-    """Margins of a speed loop with given gains; unstable if its current loop is."""
+    """Margins of a speed loop with given gains; if its current loop is unstable, `stable` is False."""
     if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
     integrators = 1 + (ki > 0) if kp or ki else 0

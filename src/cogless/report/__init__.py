@@ -99,11 +99,12 @@ def with_limits(
     traces: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> AnyResults:
-    """The results with what limits the best run of each scenario; in a study of trials nothing is added.
+    """The results, to which `limits` is added: what limits the best run of each scenario.
 
-    A scenario takes about a dozen further runs, or none if it has faults. `long`: make these also where a
-    run is long or executes a user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`:
-    called with each scenario. Ctrl-C ends the search early.
+    This takes about a dozen further runs per scenario. Nothing is added in a study of trials, or for a
+    scenario with faults. `long`: make the further runs also if a run is long or executes a user's code.
+    `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario. Ctrl-C ends the
+    search early.
     """
     search = _sections(results).with_limits
     return results if search is None else search(results, long, jobs, traces, progress)

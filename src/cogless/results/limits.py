@@ -82,11 +82,11 @@ class Learner:
 
 @dataclass(frozen=True)
 class Limits:
-    """What limits a run, by one of its metrics, or by one order of it.
+    """What limits a run, judged by one of its metrics, or by one order of this metric.
 
-    `causes` are those that the study has, the largest share first; their shares need not add up to one.
-    `untried`: causes without which the run can't be made, so nobody knows their share. `cures`: the changes
-    that were tried, the best first. `learner`: another law with which the advised cures were tried, too.
+    `causes`: the causes of error in the study, the largest share first; their shares need not add up to one.
+    `untried`: causes that can't be taken away from the run, so their shares are unknown. `cures`: the changes
+    that were tried, the best first. `learner`: another law with which the advised cures were also tried.
     """
 
     scenario: str

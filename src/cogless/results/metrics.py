@@ -103,9 +103,9 @@ class MetricInput:
 def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
     """Value of a metric on a trace, SI; None for a step that never settles.
 
-    A list for kind "order", with NaN if the rotor turned too little, and a list in trials.
+    For kind "order" the value is a list, with NaN if the rotor turned too little. In trials it is a list.
 
-    StudyError: a signal that the trace doesn't have, an empty window, rows too sparse for chattering.
+    StudyError: the trace lacks the signal, the window is empty, or the rows are too sparse for chattering.
     """
     first, last = window_of(metric, trace, conditions.events)
     metric_input = MetricInput(metric, trace, conditions, trace.window(first, last))
@@ -377,9 +377,9 @@ def order_amplitudes(
     """Amplitudes of x at orders of a revolution, in x's unit.
 
     They are Fourier integrals over the angle, by the trapezoidal rule, over the last whole revolutions of the
-    way that `onward` gives. Mechanical revolutions are used if there is a whole one: it contains whole
-    periods of every order of the motor, so none leaks into another. Else electrical orders use electrical
-    revolutions. An order that isn't an integer needs as many revolutions as make whole periods of it.
+    way that `onward` gives. If there is a whole mechanical revolution, mechanical revolutions are used: they
+    contain whole periods of every order of the motor, so no order leaks into another. Else electrical orders
+    use electrical revolutions. An order that isn't an integer needs enough revolutions for whole periods.
     `theta_m`: unwrapped mechanical angle, rad, in either direction.
 
     TooFewTurnsError: less than one such revolution, or an angle that isn't finite.

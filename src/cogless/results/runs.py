@@ -28,7 +28,7 @@ class Metrics(dict[str, Value]):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One controller in one scenario.
+    """The run of one controller in one scenario.
 
     `memory` is what was learned by the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
     "mechanical"}, or in trials {"learned": one number per sample}. `metrics` are SI values by their name in
@@ -98,9 +98,10 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Results of a speed study. `limits`: what limits a scenario's best run, if further runs were made.
+    """Results of a speed study.
 
-    `learning_off`: what a scenario's best run leaves with its learning off, where that was tried.
+    `limits`: for each scenario, what limits its best run; empty if no further runs were made to find this.
+    `learning_off`: for each scenario in which this was tried, what its best run leaves with learning off.
     """
 
     study: Study

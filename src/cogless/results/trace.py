@@ -37,9 +37,9 @@ CHUNK_ROWS = 1 << 16  # rows that are compressed together
 class Trace:
     """Recorded signals of a run.
 
-    `data`: a row per time, a column per signal, used without a copy; one of the signals is "time".
-    `mapped`: the file that `data` is in, for a trace that isn't in memory. Then a signal is a copy, so that
-    only what is in use takes memory. `largest`: a larger value of a signal is read as NaN.
+    `trace[name]` is a signal. `data`: a row per time, a column per signal, used without a copy; one of the
+    signals is "time". `mapped`: the file that `data` is in, if the trace isn't in memory. Then each signal is
+    read as a copy, so that only the signals in use take memory. `largest`: a larger value is read as NaN.
     """
 
     names: tuple[str, ...]

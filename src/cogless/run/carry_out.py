@@ -21,7 +21,7 @@ from cogless.study.base import Kind
 def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
     """Compute a scenario's metrics from a trace: SI values by their name in results.json.
 
-    Metrics whose signal the trace lacks are left out.
+    Metrics of signals that the trace lacks are left out.
     """
     conditions = study.conditions(scenario)
     return {

@@ -57,9 +57,10 @@ def limits(
 ) -> Limits | None:
     """What limits a finished run, judged by a metric that is better when lower.
 
-    `order`: the order that judges, of a metric with several orders. `jobs`: runs at a time, default one per
-    core. `traces`: a folder with room for traces that are too long for memory. None: the run has no value of
-    this metric, or the value is negligible. KeyboardInterrupt: the user pressed Ctrl-C.
+    `order`: the order by which the run is judged, if the metric has several orders. `jobs`: number of runs at
+    a time, default one per core. `traces`: a folder for traces that are too long for memory. Returns None if
+    the run has no value of this metric, or if the value is negligible. KeyboardInterrupt: the user pressed
+    Ctrl-C.
     """
     tries = _Tries(study, run, metric, order, jobs, traces)
     value = tries.value_of(run.metrics)

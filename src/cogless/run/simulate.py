@@ -118,9 +118,10 @@ def run_study(
 ) -> AnyResults:
     """Run every controller in every scenario, or only the runs that match `only`.
 
-    `only`: patterns SCENARIO/CONTROLLER, with * and ?. `traces`: a folder with room for traces that are too
-    long for memory; nameless files there hold them. Ctrl-C ends the study early: finished runs are returned,
-    with `interrupted` set. A controller of trials that can't be designed doesn't run; the results say why.
+    `only`: patterns SCENARIO/CONTROLLER, with * and ?. `jobs`: number of runs at a time. `traces`: a folder
+    with room for traces that are too long for memory; they are stored there in temporary files. Ctrl-C ends
+    the study early: the results have the finished runs, and `interrupted` is set. In a study of trials, a
+    controller that can't be designed doesn't run; the results say why.
     StudyError: no controller can be designed. RunError: a run failed; all other runs are finished.
     """
     room = TraceRoom(traces)
@@ -144,14 +145,13 @@ def rollout(
 ) -> list[AnyResults]:
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
-    Variants whose drives are alike are computed in step, as many as the processor has lanes for, and give the
-    bits of a run alone. Switched inverters, laws in Python, loads from tables, and trials run alone.
-    `Run.lanes` is the number of runs that were computed in step.
+    Runs of similar drives are computed together, as many as the processor has vector lanes for; `Run.lanes`
+    is their number. Each run gives the same bits as alone. Runs with a switched inverter, a law in Python or
+    a load from a table are computed alone, and trials too.
 
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
-    once its metrics are computed, so that thousands of runs fit into memory. `signals`: the only signals to
-    record besides time, for smaller traces; metrics of others are left out. `traces` and Ctrl-C as in
-    run_study.
+    once its metrics are computed, so that thousands of runs fit into memory. `signals`: only these and the
+    time are recorded, and metrics of other signals are left out. `traces` and Ctrl-C: as in run_study.
     RunError: a run failed, or could not be prepared; its `all_results` has all other runs, finished.
     """
     room = TraceRoom(traces, signals)

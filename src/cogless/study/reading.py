@@ -152,9 +152,9 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 
 
 def changed(study: AStudy, changes: Changes) -> AStudy:
-    """A copy of the study with other values at some dotted keys; `changes` as in `load`.
+    """A copy of the study with `changes`: new values by dotted key, as in `load`.
 
-    Only the parts that the changes touch are validated again.
+    Only the parts of the study that the changes touch are validated again.
     """
     tables = _overridden(study.source, changes)
     of_its_kind = checked(_replaced(study.source, tables, changes), study)
@@ -172,7 +172,7 @@ def with_tables(study: AStudy, tables: dict[str, Any]) -> AStudy:
 def for_scenario(study: Study, scenario: str) -> Study:
     """The study with a scenario's overrides applied and without the other scenarios.
 
-    If the scenario has no overrides, the study itself.
+    If the scenario has no overrides, the function returns the study itself.
     """
     return study.in_scenario(scenario)
 
