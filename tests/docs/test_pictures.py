@@ -65,7 +65,7 @@ def test_each_drive_with_a_law_has_a_picture_and_another_says_why_it_has_none():
     text = {title.lower(): body for title, _, body in (section.partition("\n") for section in sections)}
     for drive in FIRMWARES:
         assert f"```{{drive-figure}} {drive}\n" in text[drive]
-    assert "there is no picture of before and after" in text["vesc"]
+    assert "VESC has no cogging table" in text["vesc"]
 
 
 def test_the_picture_of_a_drive_has_the_curves_and_the_ripple_of_its_caption(tmp_path):

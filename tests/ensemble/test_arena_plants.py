@@ -27,7 +27,7 @@ from cogless.study.reading import read
 
 RPM = math.pi / 30
 PATH = shipped("studies")["arena"]
-FILLERS = "a an the and its that at by on of in where once turn this"
+FILLERS = "a an the and its that at by on of in where once turn this with turns"
 
 
 @cache
@@ -68,10 +68,6 @@ class Plant:
         sensor = self.study.drive.position_sensor
         assert isinstance(sensor, Encoder)
         return self.speed * RPM / sensor.step / self.study.drive.rates.outer_loop
-
-    @property
-    def samples_of_a_turn(self) -> Fraction:
-        return Fraction(str(self.study.drive.rates.outer_loop)) * 60 / Fraction(str(round(self.speed, 6)))
 
 
 @cache
@@ -121,11 +117,6 @@ def timed(p: Plant, _: re.Match[str]) -> bool:
     sensor = p.study.drive.position_sensor
     counted = p.ripple(**{"drive.position_sensor.speed_method": "M"})
     return isinstance(sensor, Counted) and sensor.speed_method == "MT" and p.ripple() < 0.99 * counted
-
-
-def locks(p: Plant) -> bool:
-    """Whether samples and counts repeat at the same angles after a few turns."""
-    return p.samples_of_a_turn.denominator < 100 and p.samples_of_a_turn.numerator < 10_000
 
 
 def never_repeats(p: Plant, _: re.Match[str]) -> bool:
@@ -179,29 +170,26 @@ def gear(p: Plant, _: re.Match[str]) -> bool:
 
 # words of an `about`, and the check of the plant that belongs to each
 WORDS: dict[str, Callable[[Plant, re.Match[str]], bool]] = {
-    r"Liu's motor": datasheet("liu2018"),
+    r"motor of Liu 2018": datasheet("liu2018"),
     r"drone motor": datasheet("uomodri"),
-    r"gimbal": datasheet("gm5208"),
+    r"gimbal motor": datasheet("gm5208"),
     r"hub motor": datasheet("hoverboard"),
     r"step motor": lambda p, _: isinstance(p.study.motor, StepMotor),
-    r"motor(?= that cogs, on a soft)": lambda p, _: p.study.motor.star().pole_pairs > 0,
-    r"the same": same,
+    r"motor(?= with cogging at)": lambda p, _: p.study.motor.star().pole_pairs > 0,
+    r"as liu-61": same,
     r"([\d.]+) r/min": turns_at,
-    r"(\d+) counts a sample": lambda p, said: abs(p.counts - float(said[1])) < 1e-6,
-    r"(\d+) samples make three revolutions": lambda p, said: p.samples_of_a_turn * 3 == int(said[1]),
-    r"counts don't lock to the angle": lambda p, _: not locks(p),
-    r"speed timed(?: from edge to edge)?": timed,
-    r"that cogs": cogs,
+    r"([\d.]+) encoder counts per sample": lambda p, said: f"{p.counts:.3g}" == said[1],
+    r"speed computed from the times of encoder edges": timed,
+    r"with cogging": cogs,
     r"dead time compensated": compensated,
     r"a speed that never repeats": never_repeats,
     r"varying speed": varies,
     r"arm": arm,
     r"\(Verrelli 2016, section 5\)": lambda p, _: p.told.study == "verrelli2016",
-    r"(\d+) bits": has_bits,
-    r"off the axis": off_the_axis,
+    r"eccentric (\d+)-bit encoder": lambda p, said: has_bits(p, said) and off_the_axis(p, said),
     r"Hall sensors": lambda p, _: isinstance(p.study.drive.position_sensor, Hall),
     r"soft shaft": soft_shaft,
-    r"behind a gear": gear,
+    r"gear": gear,
 }
 
 

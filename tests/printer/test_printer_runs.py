@@ -82,7 +82,7 @@ def test_a_resonance_that_nobody_named_is_heard(
     log = tmp_path / "serial.log"
     log.write_text("\n".join(prusa_lines(axes, 0, [8e-4 * lower / 2], np.random.default_rng(1))) + "\n")
     code, _, err = identify(capsys, axis_file, [log])
-    assert (code, err.count("\n")) == (2, 1) and "order 2 has" in err and "expected another speed" in err
+    assert (code, err.count("\n")) == (2, 1) and "order 2 is at" in err and "expected another speed" in err
 
 
 def test_the_report_has_the_ripple_over_the_speed(
@@ -281,7 +281,7 @@ def test_a_plan_that_can_t_be_played_is_refused(
     code, _, err = cogless(
         capsys, "identify", "--plan", axis_file, "--drive", "prusa", "-o", tmp_path / "plan"
     )
-    assert code == 2 and err.startswith(f"{axis_file}: printer.speeds: 25 mm/s: order 2 has 62 Hz")
+    assert code == 2 and err.startswith(f"{axis_file}: printer.speeds: 25 mm/s: order 2 is at 62 Hz")
     axis_file.write_text(FILE.replace('travel = "200 mm"', 'travel = "30 mm"'))
     code, _, err = cogless(
         capsys, "identify", "--plan", axis_file, "--drive", "prusa", "-o", tmp_path / "plan"
