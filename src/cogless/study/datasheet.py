@@ -40,13 +40,14 @@ class AngleFile(Table):
 
     file: File
     """CSV with the columns `angle` and `torque`, `current` or `voltage`, with their units in its heading. A
-    current is the torque over $K_t$ (per peak ampere). A voltage is measured while the motor turns forwards;
-    its angle may begin anywhere."""
+    current is taken as the torque divided by $K_t$ (per peak ampere). A voltage is measured while the motor
+    turns forwards; its angle may begin anywhere."""
     frame: Literal["mechanical", "electrical"]
     """Revolution, mechanical or electrical, that the table spans. From a back-EMF over a mechanical
     revolution, only orders that are multiples of `pole_pairs` are taken."""
     orders: Many[TableOrder] | None = None
-    """Orders to take from the table, counted in its revolution. Default: the largest."""
+    """Orders to take from the table, counted in its revolution. Default: the largest ones, until at most 2 %
+    of the rms is left out."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(

@@ -54,8 +54,8 @@ class Monitor(Table):
     """Time over which the speed is measured. Default: `window` for a moving average, ten time constants for
     an observer, else two periods of the law. `speed_filter` adds ten of its time constants."""
     stuck_angle: AngleMagnitude | None = None  # rad
-    """The angle counts as stuck if it does not change while the reference turns by more than this angle.
-    Default: 0.5 rad plus two steps of the sensor, but at least four steps."""
+    """The angle counts as stuck if the measured angle does not change while the reference turns by more than
+    this. Default: 0.5 rad plus two steps of the sensor, but at least four steps."""
     stuck_time: Time | None = None  # s
     """The angle counts as stuck if it stands still for this time under full current. Default: 100 ms, but at
     least the time in which a tenth of the largest torque turns the inertia by one step of the sensor."""
@@ -108,7 +108,7 @@ class Belief(Table):
     """Motor parameters that the controller assumes, per winding as in [motor]; default: the true values."""
 
     R_s: Resistance | None = None  # ohm
-    """Assumed resistance of one winding. Each key of this table has the motor's true value as its default."""
+    """Assumed resistance of one winding. The default of each key in this table is the motor's true value."""
     L_d: Inductance | None = None  # H
     """Assumed inductance of the d axis."""
     L_q: Inductance | None = None  # H
@@ -264,8 +264,8 @@ class CurrentReference(Table):
     """True: at high speed $i_d$ keeps the voltage within its limit. If no $i_d$ is enough, the torque is
     reduced."""
     voltage_share: Annotated[float, Field(gt=0, le=1)] = 0.95
-    """Share of the largest voltage that field weakening uses. The rest is left for the current
-    controllers."""
+    """Share of the largest voltage up to which field weakening lets the voltage rise. The rest is left for
+    the current controllers."""
 
 
 REACH_SHARE = 1 - 1e-5  # factor on the largest equivalent current: not above the C library's rounded value
@@ -324,9 +324,9 @@ class EncoderTable(Table):
     """Mechanical orders of the error to correct. An encoder off its middle makes order 1, and order 2 with
     it."""
     omega_min: AngularSpeedMagnitude  # rad/s
-    """Speed above which the table learns."""
+    """The table learns only above this speed."""
     time_constant: Duration = 0.5  # s
-    """Time constant of learning."""
+    """Time constant with which the table learns."""
     limit: Span = math.radians(2)  # rad
     """Largest magnitude of each order's cosine and sine."""
 

@@ -72,7 +72,7 @@ class Counted(Mounted):
     """Bandwidth of the observer, at least three times the crossover of the speed loop. Only with
     `speed_method` observer."""
     eccentricity: Angle = 0.0  # rad
-    """Amplitude of an angle error with one wave per revolution. It is the most usual order of `error`."""
+    """Amplitude of an angle error with one wave per revolution, the most usual order of `error`."""
     eccentricity_phase: Angle = 0.0  # rad
     """Phase of the error by `eccentricity`."""
     error: Many[AngleOrder] = ()
@@ -284,8 +284,8 @@ class Hall(Table):
     """Electrical angle by which each of the six edges comes late. The first edge belongs at angle zero, the
     next ones every 60 deg."""
     edges: Annotated[int, Field(ge=1, le=6)] = 6
-    """Number of intervals between edges over which the speed is taken. Over six, the errors of placement
-    cancel. Over fewer, the speed is younger."""
+    """The speed is taken over this many intervals between edges. Over six, the errors of placement cancel.
+    Over fewer, the measured speed lags less."""
     timer: Frequency = 1e6  # Hz
     """Rate of the clock that times the edges."""
 

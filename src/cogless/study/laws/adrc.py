@@ -21,9 +21,9 @@ class Adrc(Base):
     omega_c: RateGain  # 1/s
     """Bandwidth of the closed loop."""
     omega_o: Annotated[float, Quantity(units.RATE, ">", bare=True)]  # 1/s
-    """Bandwidth of the observer. It must be less than twice the speed loop's rate."""
+    """Bandwidth of the observer in rad/s. It must be less than 2 rad per sample of the speed loop."""
     tuning: AutoTuning | None = None
-    """The rule `auto`, which gives the numbers that this table leaves out."""
+    """`{ rule = "auto" }`: computes the keys that are left out of this table, see [](/laws/auto.md)."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
 

@@ -27,9 +27,9 @@ class Wave(Table):
     """A part of a correction: magnitude sin(order u + phase), u the electrical angle of the reference."""
 
     order: Annotated[int, Field(ge=1, le=1000)]
-    """Number of waves in an electrical revolution."""
+    """Number of these waves in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
-    """Amplitude, as an electrical angle."""
+    """Amplitude of this wave, as an electrical angle."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
     """Phase of this wave."""
 
