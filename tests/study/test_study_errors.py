@@ -114,8 +114,8 @@ line_of = partial(refusal, studies.study)
         'positive value at 90 degC'),
         ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
             "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
-            "motor.temperature.heating: expected larger heat capacities, since a temperature changes within "
-            "0.5 us"),
+            "motor.temperature.heating: expected larger heat capacities: with these a temperature changes "
+            "within 0.5 us, too fast for one step in each period of the current loop"),
         # drive
         ("drive.rates.speed_loop", "7 kHz",
             'drive.rates.speed_loop: "7 kHz": expected a rate that divides current_loop, 15000 Hz'),
@@ -368,16 +368,15 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"scenario.low.duration": "1e9 s"},
             'scenario.low.duration: "1e9 s": expected at most 1333.33 s at a trace.rate of 15000 Hz'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time", "cells": 200}},
-            "controller.ilc.cells: 200: expected 1000 or more, the number of samples in a period"),
+            "controller.ilc.cells: 200: expected 1000 or more, the speed loop's samples in a period"),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical", "lead": "70 ms"}},
-            'controller.ilc.lead: "70 ms": expected at most 0.0625 s, a quarter of a period'),
+            'controller.ilc.lead: "70 ms": expected at most 0.0625 s, a quarter of a period at top speed'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical"},
           "scenario.low.reference": "9000 rpm", "scenario.step.reference": "9000 rpm",
           "scenario.low.initial_speed": "9000 rpm", "drive.rates.integration_steps": 9,
           "metric.1.order": [1]},
-            'controller.ilc.period: "electrical": expected a longer period: this one has 1.67 samples, but '
-            'needs '
-            "4"),
+            'controller.ilc.period: "electrical": expected a longer period: at top speed this one has 1.67 '
+            "samples of the speed loop, but needs 4"),
         ({"metric.0.window": ["0.1 s", "0.10001 s"]},
             'metric.0.window: ["0.1 s", "0.10001 s"]: expected a window of 10 or more rows of the trace'),
     ],

@@ -282,7 +282,7 @@ def map_lines(maps: list[FlashPlace], newest: Valid) -> list[str]:
             text.append(f"{where}a valid map{', the newest' if len(maps) > 1 else ''}")
             text += [f"  {name:<26}{value}" for name, value in map_rows(place.map)]
         else:
-            text.append(f"{where}a valid map, save {place.map.sequence}")
+            text.append(f"{where}a valid map, save number {place.map.sequence}")
     return text
 
 

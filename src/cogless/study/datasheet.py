@@ -90,8 +90,8 @@ class AngleFile(Table):
             rest -= abs(c) ** 2
         if len(taken) > MOST_ORDERS:
             raise invalid(
-                f"expected {MOST_ORDERS} orders or fewer that hold all but {LEFT_OUT:.0%} of the rms, but "
-                f"the table needs {len(taken)}: name the orders in the key orders",
+                f"expected a table of which {MOST_ORDERS} orders or fewer hold all but {LEFT_OUT:.0%} of "
+                f"the rms; this one needs {len(taken)}: choose orders with the key orders",
                 *key,
                 "file",
             )

@@ -338,7 +338,9 @@ class EncoderTable(Table):
                 f"expected 1 to {ENCODER_TABLE_ORDERS} rising orders between 1 and {ORDER_MAX}", "orders"
             )
         if self.limit * self.orders[-1] > 1:
-            raise invalid(f"expected at most {1 / self.orders[-1]:.3g} rad", "limit")
+            raise invalid(
+                f"expected at most {1 / self.orders[-1]:.3g} rad, 1 rad over the highest order", "limit"
+            )
         if not self.omega_min:
             raise invalid("expected a speed above zero", "omega_min")
         return self
@@ -461,9 +463,7 @@ class Drive(Table):
         share, word = (0.25, "a quarter") if inverter.pwm == "centre" else (0.5, "half")
         longest = share / self.rates.current_loop
         if inverter.minimum_pulse + inverter.dead_time >= longest:
-            expected = (
-                f"expected less than {longest:.3g} s together with dead_time, {word} of a current-loop period"
-            )
+            expected = f"expected a sum with dead_time below {longest:.3g} s, {word} of a current-loop period"
             raise invalid(expected, "inverter", "minimum_pulse")
         return self
 
@@ -471,7 +471,7 @@ class Drive(Table):
     def _correctable(self) -> Self:
         """Refuse to correct a sensor that has no error by orders of its own revolution."""
         if self.encoder_table is not None and not isinstance(self.position_sensor, Counted):
-            expected = "expected no such key, unless the sensor is an encoder or a resolver"
+            expected = "expected no such key, unless drive.position_sensor is an encoder or a resolver"
             raise invalid(expected, "encoder_table")
         return self
 

@@ -93,9 +93,11 @@ class Counted(Mounted):
             if is_set and self.speed_method != method:
                 raise invalid(f'expected no such key, unless speed_method is "{method}"', key)
         if self.observer_bandwidth is None and self.speed_method == "observer":
-            raise invalid("expected a frequency", "observer_bandwidth", value="missing")
+            raise invalid("expected the observer's bandwidth", "observer_bandwidth", value="missing")
         if self.timed and self.latency:
-            raise invalid("expected no such key, since the edges are timed", "latency")
+            raise invalid(
+                f'expected no such key, since speed_method "{self.speed_method}" times the edges', "latency"
+            )
         slope = sum(abs(part["order"] * part["amplitude"]) for part in self.orders)
         if slope >= 1:
             expected = "expected a sum of all order * amplitude below 1 rad"

@@ -31,7 +31,8 @@ class Adrc(Base):
         """Check that the observer isn't too fast for the law's sampling rate."""
         fastest = OBSERVER_BANDWIDTH_MOST * study.drive.rates.outer_loop
         if self.omega_o > fastest * (1 - 1e-6):
-            expected = f"expected less than {fastest:.6g} 1/s, {OBSERVER_BANDWIDTH_MOST:g} a sample"
+            per_sample = f"{OBSERVER_BANDWIDTH_MOST:g} rad a sample of the speed loop"
+            expected = f"expected less than {fastest:.6g} rad/s, {per_sample}"
             raise invalid(expected, "controller", name, "omega_o")
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:

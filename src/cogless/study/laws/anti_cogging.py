@@ -41,7 +41,7 @@ class AntiCogging(Feedback, Startable):
     @model_validator(mode="after")
     def _filled_once(self) -> Self:
         if (self.calibration is None) == (self.start is None):
-            raise invalid(NOT_FILLED if self.start is None else "expected a calibration or a start, not both")
+            raise invalid(NOT_FILLED if self.start is None else "expected either calibration or start")
         return self
 
     @property

@@ -601,7 +601,7 @@ class Learning(LearnsWhileRunning):
         """Check that the lead is at most a quarter of the memory."""
         longest = self.cells // 4 / study.drive.rates.outer_loop
         if self.lead > longest * (1 + 1e-9):
-            expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
+            expected = f"expected at most {longest:.6g} s, the time of cells/4 samples of the speed loop"
             raise invalid(expected, "controller", name, "lead")
 
     def check_speeds(self, study: StudyOfLaws, name: str) -> None:
@@ -617,16 +617,17 @@ class Learning(LearnsWhileRunning):
             return
         longest = max(samples)
         if self.memory == "time" and min(samples) > self.cells:
-            expected = f"expected {math.ceil(min(samples))} or more, the number of samples in a period"
+            expected = f"expected {math.ceil(min(samples))} or more, the speed loop's samples in a period"
             raise invalid(expected, "controller", name, "cells", value=self.cells)
         if longest < FEWEST_SAMPLES:
             expected = (
-                f"expected a longer period: this one has {longest:.3g} samples, but needs {FEWEST_SAMPLES}"
+                f"expected a longer period: at top speed this one has {longest:.3g} samples of the speed "
+                f"loop, but needs {FEWEST_SAMPLES}"
             )
             raise invalid(expected, "controller", name, "period", value=self.period)
         quarter = longest / FEWEST_SAMPLES / rate
         if self.lead > quarter * (1 + 1e-9):
-            expected = f"expected at most {quarter:.6g} s, a quarter of a period"
+            expected = f"expected at most {quarter:.6g} s, a quarter of a period at top speed"
             raise invalid(expected, "controller", name, "lead")
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:

@@ -92,7 +92,7 @@ class AngleCorrection(Table):
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
                 expected = f"expected a sum of all order * magnitude below 1 rad, not {slope:.3g} rad"
-                raise invalid(expected, key or direction)
+                raise invalid(f"{expected}: otherwise the command turns back", key or direction)
 
 
 def _tables_of_file(path: Path) -> dict[str, Any]:
@@ -175,7 +175,7 @@ class Microstepping(Base):
             "a current loop that is not ideal": drive.ideal,
             "drive.rates.speed_loop equal to current_loop": rates.divider != 1
             or rates.position_loop is not None,
-            "an ideal position sensor, which only stands for the driver's coils": (
+            "no drive.position_sensor, since a driver of step motors has none": (
                 not isinstance(drive.position_sensor, IdealSensor)
             ),
             "no drive.bus": drive.bus is not None,

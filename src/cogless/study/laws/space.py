@@ -113,7 +113,7 @@ class SpaceLearning(LearnsWhileRunning):
     @model_validator(mode="after")
     def _learns_something(self) -> Self:
         if self.learning and not (self.mu_alpha or self.mu_beta or self.mu_h):
-            raise invalid("expected false, or a learning gain: mu_alpha, mu_beta or mu_h", "learning")
+            raise invalid("expected false, or one of mu_alpha, mu_beta and mu_h above zero", "learning")
         return self
 
     @property
