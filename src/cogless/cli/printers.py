@@ -208,7 +208,7 @@ def stripe(
         belt_pitch=_quantity("--belt-pitch", belt_pitch, units.LENGTH),
         diagonal=diagonal,
     )
-    print(f"{1e3 * length:.3g} mm at {1e3 * velocity:.3g} mm/s: {velocity / length:.0f} Hz.")
+    print(f"A stripe every {1e3 * length:.3g} mm at {1e3 * velocity:.3g} mm/s: {velocity / length:.0f} Hz.")
     for cause in causes:
         place = "" if cause.kind == "ringing" else f" ({1e3 * cause.spacing:.3g} mm)"
         print_text(f"{cause.line[0].upper()}{cause.line[1:]}{place}.", others="  ")

@@ -249,7 +249,7 @@ def read(path: Path) -> list[FlashPlace]:
         raise StudyError(f"{path}: {reason(error)}: expected a stored map") from error
     maps = find(data)
     if not maps:
-        raise MapError(f'{path}: no map: expected "{MAGIC_BYTES.decode()}" where a slot begins')
+        raise MapError(f'{path}: no map: expected "{MAGIC_BYTES.decode()}" as the first bytes of a map')
     return maps
 
 
