@@ -202,8 +202,8 @@ class Tune(Table):
     """Two limits for each dotted key, with a unit or in %. The study's value must lie between them: the
     search begins there."""
     minimise: str
-    """Name of the metric to minimise. One of its orders is written as `NAME.72`. A metric for which higher is
-    better is maximised."""
+    """Name of the metric to minimise. For one order of a metric of kind `order`, write `NAME.72`. A metric
+    for which higher is better is maximised."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
     """Which value of the metric counts. `mean` or `worst`: that of the ensemble. A share such as 0.9: the
     value that 90 % of the variants reach or better. `nominal`: that of the study alone, without an

@@ -77,9 +77,10 @@ class Quality(Table):
     learning."""
 
     span: Span | None = None  # rad
-    """Angle of the rotor that one window of the assessment spans. Default: a revolution."""
+    """The residual ripple is assessed in windows: angle by which the rotor turns in one window. Default: a
+    revolution."""
     longest: Duration = 60.0  # s
-    """Longest duration of one window."""
+    """Longest duration of one window of the assessment."""
     outlier: NumberGain = 0.0
     """The law does not learn from an error that is larger than the usual one by this factor, 1 or more. 0: it
     learns from every error."""

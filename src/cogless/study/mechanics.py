@@ -42,8 +42,8 @@ class TorqueHarmonic(Table):
     order: Order
     """Waves per mechanical revolution."""
     torque: Torque  # N*m
-    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase), which is added to $\tau_L$ or
-    $\tau_C$."""
+    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase), which is added to the load torque
+    $\tau_L$ or to the friction $\tau_C$."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic."""
 

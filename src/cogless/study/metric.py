@@ -81,7 +81,7 @@ class Metric(Table):
         "trials-to-floor",
         "carriage-ripple",
     ]
-    """What is computed."""
+    """What is computed from the signal, see [](/guide/metrics.md)."""
     signal: str | None = None
     """Signal from which the metric is computed. Default: `omega_m` for `dip`, `settling` and `overshoot`,
     `theta_load` for `carriage-ripple`. `copper-loss` and `chattering` have none."""
@@ -100,9 +100,11 @@ class Metric(Table):
     event: Time | None = None  # s
     """Time of the load event whose effect `dip`, `settling` and `overshoot` measure."""
     band: float | None = None  # SI
-    """Half width of the band of `settling` and `exceeds`, in the signal's unit."""
+    """For `settling` and `exceeds`: half width of the band. For `time-to-learn`: the largest rms. In the
+    signal's unit."""
     floor: float | None = None  # SI
-    """Floor of `trials-to-floor`, in the signal's unit."""
+    """For `trials-to-floor`: the rms at or below which a trial has reached the floor, in the signal's
+    unit."""
     smooth: Duration | None = None  # s
     """For `dip`, `settling` and `overshoot`: time of a centred moving average, so that ripple does not count.
     For `time-to-learn`: duration of the pieces of the window whose rms must stay within `band`."""
