@@ -40,7 +40,7 @@ def test_it_writes_a_study_and_says_what_matters_and_what_is_next(capsys: pytest
     lines = out.splitlines()
     assert max(map(len, lines)) <= 80
     assert lines[0] == "Wrote my_motor.toml."
-    assert lines[2].startswith("At 20 r/min the PI leaves ") and lines[2].endswith(" r/min.")
+    assert lines[2].startswith("At 20 r/min the PI leaves ") and lines[3].endswith(" r/min.")
     assert "Three guesses matter most. Measure or look up first:" in lines
     assert [line[:4] for line in lines if line.startswith("  ") and line[2:3].isdigit()] == [
         "  1.",
