@@ -133,7 +133,7 @@ def test_what_it_cannot_be_made_from_is_one_line(tmp_path: Path, capsys: pytest.
         (none, "--to", "moteus"): "encoder: no order: expected logs that show the encoder's error",
         (on, "--to", "odrive"): "--encoder: odrive: expected a drive whose encoder table",
         (foc, "--to", "simplefoc"): "the encoder's own angle is not known: expected sensor_direction = 1",
-        (on, "--to", "moteus", "--shift", "1 deg"): "--encoder: expected no other options than --to and -o",
+        (on, "--to", "moteus", "--shift", "1 deg"): "--encoder: expected only --to and -o with this option",
     }
     for arguments, message in cases.items():
         code, _, err = cogless(capsys, "table", *arguments, "--encoder")

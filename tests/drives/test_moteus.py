@@ -101,7 +101,7 @@ def ripples_in(out: str) -> dict[int, list[float]]:
     lines = [line for line in out.splitlines() if line.startswith("Ripple at ")]
     number = r"[\d.]+(?:e-?\d+)?"
     pattern = (
-        rf"at (\d+) r/min: ({number}) .* ({number}) with the table, ({number}) with 30 .*, ({number}) with "
+        rf"at (\d+) r/min: ({number}) .* ({number}) with it, ({number}) with 30 .*, ({number}) with "
         "-30"
     )
     matches = [re.search(pattern, line) for line in lines]

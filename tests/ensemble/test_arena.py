@@ -274,7 +274,7 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
     study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
     assert absent == {
-        "robust": "this plant has feedback gains chosen by hand, but the law has another feedback"
+        "robust": "the law has another feedback than the one whose gains the arena gives for this plant"
     }
     assert study.controller["bar"].kp == 0.05
     with pytest.raises(

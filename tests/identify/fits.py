@@ -51,7 +51,7 @@ def of_motor(fit: Fit | None = None, **more: Any) -> Any:
     known = SimpleNamespace(
         motor=Motor.model_validate(study["motor"]),
         drive=Drive.model_validate(study["drive"]),
-        described_in="the file of columns",
+        described_in="id.toml",
         replay_rule=COLUMNS_REPLAY_RULE,
     )
     return SimpleNamespace(

@@ -253,7 +253,7 @@ def said_of_k_t(made: Diagnosis) -> str:
 
 def test_a_right_k_t_is_told_as_no_mistake(capsys):
     said = said_of_k_t(of("cogging"))
-    assert said.endswith("as the file of columns has it (0.08).")
+    assert said.endswith("as id.toml has it (0.08).")
     assert isinstance(said, Agreement)
     _print_remarks(["The inertia isn't in these logs."], ["A column is late.", said])
     assert capsys.readouterr().out.split("\n\n") == [
@@ -266,7 +266,7 @@ def test_a_right_k_t_is_told_as_no_mistake(capsys):
 @pytest.mark.parametrize(
     ("K_t", "says"),
     [
-        ("0.09", "the file of columns has 0.09"),
+        ("0.09", "id.toml has 0.09"),
         ("0.113137", "has 0.1131; the values differ by sqrt(2), the factor between rms and peak"),
     ],
 )
@@ -289,7 +289,7 @@ def test_the_voltage_tells_a_current_in_rms(tmp_path):
     (said,) = [line for line in diagnose(tmp_path, text, rms).remarks if "rms amperes" in line]
     assert said.startswith("By the voltage, R is 7.")
     assert said.endswith(
-        "ohm, sqrt(2) times that in the file of columns (5). Either i_q is in rms amperes, and all torques "
+        "ohm, sqrt(2) times that in id.toml (5). Either i_q is in rms amperes, and all torques "
         "are sqrt(2) times too small, or the winding is 105 K warmer; record i_a and i_b to decide this."
     )
 

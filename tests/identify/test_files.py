@@ -160,7 +160,7 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
         load_logs([path], loaded)
     assert str(caught.value) == (
         f"{path}: current is 0.707 of the amplitude that a and b have, as if it were rms: expected peak "
-        "amperes: current with scale = 1.41421 in the file of columns"
+        "amperes: current with scale = 1.41421 in id.toml"
     )
 
 

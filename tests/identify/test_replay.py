@@ -218,8 +218,8 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert found.remarks == (
         "First.",
         f"Not simulated: b. {replay.UNCORRECTED} To be simulated, a log needs its reference and controller "
-        "(a [[log]] in the file of columns), a current loop whose rate is a multiple of the rate of its "
-        "rows, and no cogging table switched on. Add what is missing, or leave the log out.",
+        "(a [[log]] in the file given with --config), a current loop whose rate is a multiple of the rate "
+        "of its rows, and no cogging table switched on. Add what is missing, or leave the log out.",
     )
     steps["traces"] = {}  # none is left that could stand alone
     found, traces = replay.refined(made, lambda *of: None)

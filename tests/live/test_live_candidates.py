@@ -431,7 +431,8 @@ def test_numbers_of_a_motor_are_products_of_its_keys_powers():
 def test_a_number_that_is_no_product_is_refused(formula, kind):
     by_key, _, described = own_motor([formula], kind)
     with pytest.raises(
-        StudyError, match=r"--own-motor: n0: expected a product of powers of the motor's values"
+        StudyError,
+        match=r"--own-motor: n0: expected a number .* as a product of powers of the motor's values",
     ):
         room.own_motor(described([]), described, by_key, lambda key: key)
 

@@ -94,7 +94,9 @@ def test_orders_have_the_amplitudes_of_the_current() -> None:
     assert found[0] == pytest.approx([0.5 * np.sin(0.4), 0.2])
     assert found[1] == pytest.approx([0.5 * np.cos(0.4), 0.0], abs=1e-12)
     assert of_current(wave(11), ORDERS, 1.0)[0] == pytest.approx([0.5 * np.sin(0.4), 0.2])
-    with pytest.raises(MapError, match=r"^10 entries, orders up to 4: expected orders up to the law's 5$"):
+    with pytest.raises(
+        MapError, match=r"^a map of 10 entries, which hold orders up to 4: expected orders up to the law's 5$"
+    ):
         of_current(wave(10), ORDERS, 1.0)
     kept = stored(found, (COSINE_CODE, SINE_CODE, ORDER_CODE))
     assert entries(kept, ORDERS, 1.0) == pytest.approx(found, abs=1e-6)
@@ -142,7 +144,7 @@ def test_maps_as_lines() -> None:
     )
     assert several[:3] == [
         "At byte 0: no mark",
-        "At byte 64: a valid map, save 4",
+        "At byte 64: a valid map, save number 4",
         "At byte 128: a valid map, the newest",
     ]
     assert several[3:] == alone[1:]

@@ -213,7 +213,7 @@ def test_map_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ([tmp_path / "pipe"], f"{tmp_path / 'pipe'}: not a regular file: expected a stored map"),
         ([good, "-o", "."], ".: is a directory: expected a file that can be written"),
         ([cut], f"{cut}: at byte 0: cut short: expected 96 bytes, got 70"),
-        ([other], f'{other}: no map: expected "CGLM" where a slot begins'),
+        ([other], f'{other}: no map: expected "CGLM" as the first bytes of a map'),
         ([tmp_path / "none"], f"{tmp_path / 'none'}: no such file or directory: expected a stored map"),
         ([good, "--motor", "1"], "--motor: expected --output, too"),
         ([good, "--motor", "x", "-o", cut], '--motor: "x": expected 32 bits, such as 0x1F2E3D4C'),

@@ -408,7 +408,8 @@ BOTH = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
 @pytest.mark.parametrize(
     ("law", "given", "expected"),
     [
-        (LAWS["orders"], (WAVE, (1,)), "16 entries, orders up to 7: expected orders up to the law's 24"),
+        (LAWS["orders"], (WAVE, (1,)),
+            "a map of 16 entries, which hold orders up to 7: expected orders up to the law's 24"),
         (LAWS["c"], (9 * SIXTH, (1,)), "an entry of 9: expected at most the law's limit, 3"),
         (LAWS["cells"], (WAVE, (4,)),
             "a map of acceleration: expected a map of this law's kind, or of a current only"),

@@ -109,7 +109,7 @@ def test_a_table_needs_no_commissioning_run_if_it_has_a_start(learned: Any, tmp_
     np.testing.assert_allclose(run.map.values, learned_ripple, atol=1e-7)
     with pytest.raises(StudyError, match=r"tuning = .* or a start"):
         study(tmp_path, "table")
-    with pytest.raises(StudyError, match="expected a calibration or a start, not both"):
+    with pytest.raises(StudyError, match="expected either calibration or start"):
         both = 'calibration = { speed = "1 rad/s", position_gain = 0 }\n'
         study(tmp_path, "table", more=from_map(path, both))
 
@@ -192,7 +192,11 @@ def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None
     [
         (stored(WAVE, turns=0, parts=0), OWN, "a trial's signal: expected a map over the angle"),
         (stored(8 * WAVE), OWN, "an entry of 5.6.*: expected at most the law's limit, 3$"),
-        (stored(WAVE[:16]), AFC, "16 entries, orders up to 7: expected orders up to the law's 9$"),
+        (
+            stored(WAVE[:16]),
+            AFC,
+            "a map of 16 entries, which hold orders up to 7: expected orders up to the law's 9$",
+        ),
         (
             stored(WAVE, (4,)),
             OWN,

@@ -40,7 +40,7 @@ def test_it_writes_a_study_and_says_what_matters_and_what_is_next(capsys: pytest
     lines = out.splitlines()
     assert max(map(len, lines)) <= 80
     assert lines[0] == "Wrote my_motor.toml."
-    assert lines[2].startswith("At 20 r/min the PI leaves ") and lines[2].endswith(" r/min.")
+    assert lines[2].startswith("At 20 r/min the PI leaves ") and lines[3].endswith(" r/min.")
     assert "Three guesses matter most. Measure or look up first:" in lines
     assert [line[:4] for line in lines if line.startswith("  ") and line[2:3].isdigit()] == [
         "  1.",
@@ -93,7 +93,10 @@ def test_it_says_why_a_speed_is_not_held(capsys: pytest.CaptureFixture[str]) -> 
     numbers = ("--pole-pairs", 4, "--torque-constant", 0.5, "--resistance", 1.5, "--bits", 17, "--speed", 600)
     code, out, _ = cogless(capsys, "new", "fast", *numbers, "--drive", "generic")
     text = " ".join(out.split())
-    assert code == 0 and "With these numbers harmonic does not hold 600 r/min: the mean speed is " in text
+    assert (
+        code == 0
+        and "With these numbers the learning law harmonic does not hold 600 r/min: the mean speed is " in text
+    )
     assert "its reference of 600 rpm needs more than the bus voltage" in text
     assert max(map(len, out.splitlines())) <= 80
 
@@ -137,20 +140,27 @@ def answer(learned: Outcome, baseline: Outcome, design: Answer | None = None) ->
 def test_on_either_side_of_the_limit_of_a_held_speed_the_same_is_said() -> None:
     just, not_quite = outcome(5, uneven=True), outcome(5, "the rotor turns in jerks", uneven=True)
     texts = {answer(outcome(0.2), baseline) for baseline in (just, not_quite)}
-    assert texts == {"At 30 r/min the PI leaves 5 r/min of ripple (rms) in jerks, harmonic 0.2 r/min."}
+    assert texts == {
+        "At 30 r/min the PI leaves 5 r/min of ripple (rms) in jerks, the learning law harmonic 0.2 r/min."
+    }
     both = answer(outcome(2, uneven=True), just)
-    assert "the PI leaves 5 r/min of ripple (rms) in jerks, harmonic 2 r/min in jerks." in both
+    assert (
+        "the PI leaves 5 r/min of ripple (rms) in jerks, the learning law harmonic 2 r/min in jerks." in both
+    )
     lost = answer(outcome(0.2), outcome(5, "the mean speed is 30 % of the reference"))
-    assert "the PI does not hold the speed (the mean speed is 30 % of the reference), harmonic" in lost
+    assert (
+        "the PI does not hold the speed (the mean speed is 30 % of the reference), the learning law harmonic"
+        in lost
+    )
 
 
 def test_where_the_pi_alone_holds_the_speed_it_is_said_with_why_learning_is_not_worth_it() -> None:
     vain = Answer("not worth it", "not worth it: the law learns order 1, but the torque has only order 2")
     text = answer(outcome(9, "the rotor turns in jerks", uneven=True), outcome(0.6), vain)
     assert text == (
-        "With these numbers harmonic does not hold 30 r/min: the rotor turns in jerks. The PI holds it, with "
-        "0.6 r/min of ripple (rms). Learning is not worth it: the law learns order 1, but the torque has "
-        "only order 2."
+        "With these numbers the learning law harmonic does not hold 30 r/min: the rotor turns in jerks. The "
+        "PI holds it, with 0.6 r/min of ripple (rms). Learning is not worth it: the law learns order 1, but "
+        "the torque has only order 2."
     )
 
 

@@ -211,7 +211,7 @@ def test_a_table_is_filled_once() -> None:
         "start": {"map": "stored.map"},
     }
     message = refused(MY_MOTOR, {"controller.table": filled})
-    assert message == "controller.table: expected a calibration or a start, not both"
+    assert message == "controller.table: expected either calibration or start"
 
 
 # --- a newcomer's file

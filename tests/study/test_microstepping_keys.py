@@ -36,7 +36,7 @@ TABLE = f"{PATH}.correction.forward"
         ({"drive.rates.speed_loop": "10 kHz"}, "expected drive.rates.speed_loop equal to current_loop"),
         ({"drive.bus": {"delay_command": "1 ms"}}, "expected no drive.bus"),
         ({"drive.position_sensor": {"kind": "encoder", "lines": 1000}},
-            "expected an ideal position sensor, which only stands for the driver's coils"),
+            "expected no drive.position_sensor, since a driver of step motors has none"),
         ({"scenario.20-mm-s.torque_mode": {"time": "0.1 s", "current": "0 A"}},
             "expected no torque_mode in scenario 20-mm-s"),
     ],

@@ -185,8 +185,8 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
             'file: "table.csv": expected a mean of zero, not 1.36 of the rms: '
             "perhaps it contains friction or an offset"),
         ("cogging_table", lambda theta: 1e-3 * NOISE, {"sign": "on-rotor"},
-            'file: "table.csv": expected 48 orders or fewer that hold all but 2% of the rms, but the table '
-            'needs '),
+            'file: "table.csv": expected a table of which 48 orders or fewer hold all but 2% of the rms; '
+            'this one needs '),
         ("back_emf_table", phase_voltage, {"between": "phase", "speed": "10 rad/s"},
             'file: "table.csv": line 1: "angle [deg],torque [mN*m]": '
             'expected one column such as "voltage [V]"'),

@@ -128,7 +128,7 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
         ({SENSOR: {**WORD, "speed_method": "MT"}},
             'drive.position_sensor.speed_method: "MT": expected "M", "average" or "observer", perhaps "M"'),
         ({SENSOR: {**WORD, "speed_method": "observer"}},
-            "drive.position_sensor.observer_bandwidth: missing: expected a frequency"),
+            "drive.position_sensor.observer_bandwidth: missing: expected the observer's bandwidth"),
         ({SENSOR: {**WORD, "speed_method": "M", "window": 3}},
             'drive.position_sensor.window: 3: expected no such key, unless speed_method is "average"'),
         ({SENSOR: {**WORD, "latency": "-1 us"}},
@@ -137,7 +137,8 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
             'drive.position_sensor.latency: "7 s": expected at most 6.66667 s, 100000 periods of the current '
             'loop'),
         ({SENSOR: {**ENCODER, "speed_method": "MT", "latency": "1 us"}},
-            'drive.position_sensor.latency: "1 us": expected no such key, since the edges are timed'),
+            'drive.position_sensor.latency: "1 us": expected no such key, since speed_method "MT" times the '
+            "edges"),
         ({SENSOR: {**WORD, "error": [{"order": 100, "amplitude": "1 deg"}]}},
             'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected a sum '
             "of all order * amplitude below 1 rad: otherwise the measured angle runs "

@@ -395,7 +395,7 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
             "controller.pi.beta_limit: 1e+300: expected a size that single precision holds, 1e-15 to 1e+15 "
             "in SI units"),
         ({"controller.pi": {**SPACE, "mu_alpha": 0.0}},
-            "controller.pi.learning: expected false, or a learning gain: mu_alpha, mu_beta or mu_h"),
+            "controller.pi.learning: expected false, or one of mu_alpha, mu_beta and mu_h above zero"),
         ({"motor": {**STEP, "kind": "foo"}},
             'motor.kind: "foo": expected one of "pmsm", "step"'),
         ({"controller.pi": SPACE, "metric": [metric("term_beta")]},

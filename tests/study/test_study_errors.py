@@ -114,8 +114,8 @@ line_of = partial(refusal, studies.study)
         'positive value at 90 degC'),
         ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
             "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
-            "motor.temperature.heating: expected larger heat capacities, since a temperature changes within "
-            "0.5 us"),
+            "motor.temperature.heating: expected larger heat capacities: with these a temperature changes "
+            "within 0.5 us, too fast for one step in each period of the current loop"),
         # drive
         ("drive.rates.speed_loop", "7 kHz",
             'drive.rates.speed_loop: "7 kHz": expected a rate that divides current_loop, 15000 Hz'),
@@ -357,27 +357,24 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"drive.inverter.minimum_pulse": "-1 us"},
             'drive.inverter.minimum_pulse: "-1 us": expected a time of zero or more, such as "1 s"'),
         ({"drive.inverter.minimum_pulse": "20 us"},
-            'drive.inverter.minimum_pulse: "20 us": expected less than 1.67e-05 s together with dead_time, a '
-            'quarter of a current-loop '
-            "period"),
+            'drive.inverter.minimum_pulse: "20 us": expected a sum with dead_time below 1.67e-05 s, a '
+            "quarter of a current-loop period"),
         ({"drive.inverter.minimum_pulse": "30 us", "drive.inverter.dead_time": "4 us",
           "drive.inverter.pwm": "two-updates"},
-            'drive.inverter.minimum_pulse: "30 us": expected less than 3.33e-05 s together with dead_time, '
-            'half of a current-loop '
-            "period"),
+            'drive.inverter.minimum_pulse: "30 us": expected a sum with dead_time below 3.33e-05 s, half '
+            "of a current-loop period"),
         ({"scenario.low.duration": "1e9 s"},
             'scenario.low.duration: "1e9 s": expected at most 1333.33 s at a trace.rate of 15000 Hz'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time", "cells": 200}},
-            "controller.ilc.cells: 200: expected 1000 or more, the number of samples in a period"),
+            "controller.ilc.cells: 200: expected 1000 or more, the speed loop's samples in a period"),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical", "lead": "70 ms"}},
-            'controller.ilc.lead: "70 ms": expected at most 0.0625 s, a quarter of a period'),
+            'controller.ilc.lead: "70 ms": expected at most 0.0625 s, a quarter of a period at top speed'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical"},
           "scenario.low.reference": "9000 rpm", "scenario.step.reference": "9000 rpm",
           "scenario.low.initial_speed": "9000 rpm", "drive.rates.integration_steps": 9,
           "metric.1.order": [1]},
-            'controller.ilc.period: "electrical": expected a longer period: this one has 1.67 samples, but '
-            'needs '
-            "4"),
+            'controller.ilc.period: "electrical": expected a longer period: at top speed this one has 1.67 '
+            "samples of the speed loop, but needs 4"),
         ({"metric.0.window": ["0.1 s", "0.10001 s"]},
             'metric.0.window: ["0.1 s", "0.10001 s"]: expected a window of 10 or more rows of the trace'),
     ],
@@ -536,8 +533,8 @@ def test_what_the_simulation_can_just_do(
         ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},
             'controller.t.calibration.speed: "1e-9 rpm": expected a run of at most 20000 s, not 1.35e+11 s'),
         ({"controller.l": {**ILC, "cells": 100, "lead": "26 ms"}, "drive.rates.speed_loop": "1 kHz"},
-            'controller.l.lead: "26 ms": expected at most 0.025 s, a quarter of the '
-            "memory's cells in samples"),
+            'controller.l.lead: "26 ms": expected at most 0.025 s, the time of '
+            "cells/4 samples of the speed loop"),
         ({"mechanics.load_side": {**SIDE, "ratio": 1.5},
           "drive.position_sensor": {"kind": "ideal", "side": "load"}, "drive.rates.integration_steps": 20},
             'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not a whole '

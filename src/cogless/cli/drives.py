@@ -76,7 +76,7 @@ def table(
         typer.Option(
             "--current",
             metavar="CURRENT",
-            help="Current of the printer's motor, A rms. Warns if the logs were recorded at another current.",
+            help="Current of the printer's motor, A rms. cogless warns if the logs have another current.",
         ),
     ] = None,
     study: Annotated[
@@ -133,7 +133,7 @@ def table(
         )
     if encoder:
         if from_ is not None or shift is not None or reverse or study is not None:
-            raise StudyError("--encoder: expected no other options than --to and -o")
+            raise StudyError("--encoder: expected only --to and -o with this option")
         _write_encoder_table(source, adapter, output)
         return
     if adapter.write is None:
@@ -167,8 +167,8 @@ def table(
     if frame.zero_error:
         highest = max(holding.orders)
         lines.append(
-            f"The angle of the table's first entry is uncertain by {frame.zero_error * highest:.2g} rad "
-            f"of order {highest}."
+            f"The angle of the table's first entry is uncertain, by {frame.zero_error * highest:.2g} rad "
+            f"in the phase of order {highest}."
         )
     _put(written, lines, output)
 
@@ -251,8 +251,8 @@ def _predict(
     for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
         texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
         lines.append(
-            f"Ripple at {ripple.speed} r/min: {texts['without']} r/min rms, {texts['table']} with the table, "
-            f"{texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
+            f"Ripple at {ripple.speed} r/min: {texts['without']} r/min rms without the table, "
+            f"{texts['table']} with it, {texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
         )
     simulated = f"Simulated in forward direction under {adapter.title}'s own law"
     if study is None:

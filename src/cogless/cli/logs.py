@@ -36,7 +36,7 @@ def identify(
         typer.Option(
             "--config",
             metavar="FILE",
-            help="TOML file with the columns of the logs, known values of the motor and kinds of logs.",
+            help="TOML file: what the columns of the logs mean, known values of the motor, kind of each log.",
         ),
     ] = None,
     drive: Annotated[
@@ -231,7 +231,7 @@ def diagnose(
         typer.Option(
             "--config",
             metavar="FILE",
-            help="TOML file with the columns of the logs, known values of the motor and kinds of logs.",
+            help="TOML file: what the columns of the logs mean, known values of the motor, kind of each log.",
         ),
     ],
     output: Annotated[

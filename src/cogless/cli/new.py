@@ -449,7 +449,7 @@ def _answer(study: Study, ranking: Ranking, design: Answer | None) -> str:
     speed = _rpm(next(iter(study.scenario.values())).top_reference)
     worthless = design is not None and design.verdict == "not worth it"
     if not ranking.learned.holds:
-        text = f"With these numbers harmonic does not hold {speed}: {ranking.learned.why}."
+        text = f"With these numbers the learning law harmonic does not hold {speed}: {ranking.learned.why}."
         if ranking.baseline.holds:
             text += f" The PI holds it, with {_rpm(ranking.baseline.ripple)} of ripple (rms)."
         reason = f"Learning is {design.words}." if design is not None and worthless else _why_not(study)
@@ -457,7 +457,8 @@ def _answer(study: Study, ranking: Ranking, design: Answer | None) -> str:
     before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms){_jerks(ranking.baseline)}"
     if not (ranking.baseline.holds or ranking.baseline.uneven):
         before = f"the PI does not hold the speed ({ranking.baseline.why})"
-    text = f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}{_jerks(ranking.learned)}."
+    text = f"At {speed} {before}, the learning law harmonic {_rpm(ranking.learned.ripple)}"
+    text += f"{_jerks(ranking.learned)}."
     if ranking.learned.uneven:
         text = f"{text} {_why_not(study)}".strip()
     if design is not None and worthless:

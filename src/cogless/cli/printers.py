@@ -87,8 +87,8 @@ def study_line(path: Path) -> str:
 def correction_lines(correction: Correction) -> list[str]:
     """Lines on the motor, on each order of the correction in each direction, on friction, and remarks."""
     lines = [
-        f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds mag sin(n u + "
-        f"pha) to the electrical angle u."
+        f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds, for each order "
+        f"n, a sin(n u + phase) to the electrical angle u; the amplitudes a are in rad."
     ]
     for direction, entries in correction.directions.items():
         for n, entry in sorted(entries.items()):
@@ -97,14 +97,14 @@ def correction_lines(correction: Correction) -> list[str]:
             doubt = "" if entry.error < size else ", smaller than its error"
             lines.append(
                 f"{direction:<8} order {n}: {size:.4f} rad (+-{entry.error:.4f}), phase "
-                f"{cmath.phase(entry.value):+.3f} rad; {way:.2f} um at a slow speed, a stripe every "
-                f"{1e3 * correction.wavelength / n:.3g} mm{doubt}"
+                f"{cmath.phase(entry.value):+.3f} rad; {way:.2f} um of the carriage at a slow speed, a "
+                f"stripe every {1e3 * correction.wavelength / n:.3g} mm{doubt}"
             )
     friction = correction.friction()
     if friction is not None:
         torque = "" if friction.torque is None else f", {1e3 * friction.torque:.3g} mN*m"
         lines.append(
-            f"Friction, if order 4 comes from the detent: {friction.angle:.3f} rad "
+            f"Friction, if order 4 comes from the detent: {friction.angle:.3f} rad electrical "
             f"(+-{friction.error:.3f}){torque}."
         )
     return [*lines, *correction.remarks]
@@ -208,7 +208,7 @@ def stripe(
         belt_pitch=_quantity("--belt-pitch", belt_pitch, units.LENGTH),
         diagonal=diagonal,
     )
-    print(f"{1e3 * length:.3g} mm at {1e3 * velocity:.3g} mm/s: {velocity / length:.0f} Hz.")
+    print(f"A stripe every {1e3 * length:.3g} mm at {1e3 * velocity:.3g} mm/s: {velocity / length:.0f} Hz.")
     for cause in causes:
         place = "" if cause.kind == "ringing" else f" ({1e3 * cause.spacing:.3g} mm)"
         print_text(f"{cause.line[0].upper()}{cause.line[1:]}{place}.", others="  ")

@@ -258,7 +258,7 @@ PRUSA = Adapter(
     name="prusa",
     title="Prusa, firmware whose M973 sets corrections",
     reads=(Feature("runs by M974 (printed lines): correction of a step motor", Certainty.SOURCE),),
-    writes=(Feature("M973 lines, a table a direction", Certainty.SOURCE),),
+    writes=(Feature("M973 lines, one table for each direction", Certainty.SOURCE),),
     identify_runs=identify_runs,
     write_runs=write_runs,
     write_correction=write_m973,
@@ -267,6 +267,6 @@ PRUSA_M971 = Adapter(
     name="prusa-m971",
     title="Prusa, firmware whose M971 stores corrections",
     reads=(),
-    writes=(Feature("M971 lines, a table a direction", Certainty.SOURCE),),
+    writes=(Feature("M971 lines, one table for each direction", Certainty.SOURCE),),
     write_correction=write_m971,
 )

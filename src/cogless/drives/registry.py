@@ -269,9 +269,9 @@ def _replay_rule(adapter: Adapter, logs: DriveLogs) -> str:
     law = "its controller, since cogless has no model of the drive's own law"
     if adapter.law:
         law = "the gains of its law in the configuration" if not logs.frame.gains else ""
-    rule = "its reference in the file of --config"
+    rule = "its reference in the file given with --config"
     if adapter.write_script is not None:
-        rule = f"its reference ({LOGS_NAME} of identify --plan --drive {adapter.name}, by --config)"
+        rule = f"its reference ({LOGS_NAME} of identify --plan --drive {adapter.name}, given with --config)"
     return f"{rule} and {law}" if law else rule
 
 

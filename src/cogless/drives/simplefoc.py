@@ -37,7 +37,7 @@ from cogless.study.reading import read
 MONITOR_HINT = (
     'a TOML file: monitor = ["target", "Iq", "velocity", "angle"], the columns in the order of '
     'monitor_variables; row_period = "2 ms", or a column "time_us" in monitor; and the tables [motor] and '
-    "[drive], as in a file of columns"
+    "[drive], as in a study"
 )
 # Columns of the monitor: the signal of each, and the factor to SI.
 MONITOR_SIGNALS: dict[str, tuple[str, float]] = {

@@ -236,8 +236,8 @@ VESC = Adapter(
     title="VESC",
     reads=(
         Feature(
-            "VESC Tool's log of real-time data (CSV): its 50 rows a second tell inertia and friction, and "
-            "cogging hardly",
+            "VESC Tool's log of real-time data (CSV): its 50 rows a second show inertia and friction, "
+            "but hardly cogging",
             Certainty.SOURCE,
         ),
         Feature("the motor configuration as XML: motor and drive", Certainty.DRIVE),

@@ -327,7 +327,7 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
         raise StudyError(f"{refusal} {', '.join(base.scenario)}")
     controllers = {law: _controller(arena, plant, law) for law in laws}
     absent = {
-        law: "this plant has feedback gains chosen by hand, but the law has another feedback"
+        law: "the law has another feedback than the one whose gains the arena gives for this plant"
         for law, table in controllers.items()
         if table is None
     }

@@ -94,7 +94,7 @@ class LogRule(Table):
     controller: str | None = None  # one of the file's
 
 
-COLUMNS_REPLAY_RULE = "its reference and controller (a [[log]] in the file of columns)"
+COLUMNS_REPLAY_RULE = "its reference and controller (a [[log]] in the file given with --config)"
 
 
 class Identification(Table):
@@ -108,14 +108,14 @@ class Identification(Table):
     log: Many[LogRule] = ()
     angle_offset: Angle | None = None  # rad, added to theta; default: half a count, since counts round down
     _path: Path = PrivateAttr(default=Path())
-    _described_in: str = PrivateAttr(default="the file of columns")
+    _described_in: str = PrivateAttr(default="")
     _replay_rule: str = PrivateAttr(default=COLUMNS_REPLAY_RULE)
     _tables: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
     def described_in(self) -> str:
         """The name that messages give to what describes the motor and the drive."""
-        return self._described_in
+        return self._described_in or self._path.name
 
     @property
     def replay_rule(self) -> str:
@@ -230,6 +230,6 @@ def from_tables(
     except ValidationError as error:
         raise study_error([problem.line(path) for problem in problems(error, source.tables)]) from None
     identification._path, identification._tables = path, source.tables
-    identification._described_in = described_in or identification._described_in
+    identification._described_in = described_in
     identification._replay_rule = replay_rule or identification._replay_rule
     return identification

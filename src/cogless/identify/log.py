@@ -530,7 +530,7 @@ def _amplitudes_agree(where: str, signals: Columns, identification: Identificati
             Advice(
                 f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as if it "
                 f"were rms: expected peak amperes: {identification.columns['i_q'].name} with scale = 1.41421 "
-                "in the file of columns",
+                f"in {identification.described_in}",
                 {
                     "columns.i_q.scale": 1.41421,
                     **({"columns.i_d.scale": 1.41421} if "i_d" in signals else {}),

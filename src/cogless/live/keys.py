@@ -43,8 +43,8 @@ TRIED_VALUES = 20
 END_HALVINGS = 5
 PAIRS_REPEATS = 9  # copies of a value: all but the first are tried, each with other pole pairs
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
-SAME_NUMBERS = "it acts on the same numbers as another key"
-OTHER_SHAPE = "it changes how many numbers describe a run"
+SAME_NUMBERS = "another key of the page already sets the numbers that it changes"
+OTHER_SHAPE = "with another value of it, a run needs more or fewer numbers than the page holds"
 Samples = Callable[[Candidate], list[float]]
 Columns = Mapping[Number, Mapping[float, float]]  # by number: its value at each stop
 

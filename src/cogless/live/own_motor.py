@@ -269,6 +269,6 @@ def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values:
 
 def _no_product(number: Number, difference: str) -> StudyError:
     return StudyError(
-        f"--own-motor: {number.path}: expected a product of powers of the motor's values{difference}; "
-        "without --own-motor cogless live accepts the study"
+        f"--own-motor: {number.path}: expected a number that the page can compute as a product of powers of "
+        f"the motor's values{difference}; without --own-motor cogless live accepts the study"
     )

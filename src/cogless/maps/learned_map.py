@@ -155,7 +155,7 @@ def of_current(current: Real, law: Mapping[str, Any], unit: float) -> Real:
         orders = law["values"][2]
         most = (len(current) - 1) // 2
         if orders.max() > most:
-            size = f"{len(current)} entries, orders up to {most}"
+            size = f"a map of {len(current)} entries, which hold orders up to {most}"
             raise MapError(f"{size}: expected orders up to the law's {orders.max():g}")
         amplitudes = 2 / len(current) * np.fft.rfft(current)[orders.astype(int)]
         return np.array([amplitudes.real, -amplitudes.imag, orders])

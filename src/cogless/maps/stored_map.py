@@ -249,7 +249,7 @@ def read(path: Path) -> list[FlashPlace]:
         raise StudyError(f"{path}: {reason(error)}: expected a stored map") from error
     maps = find(data)
     if not maps:
-        raise MapError(f'{path}: no map: expected "{MAGIC_BYTES.decode()}" where a slot begins')
+        raise MapError(f'{path}: no map: expected "{MAGIC_BYTES.decode()}" as the first bytes of a map')
     return maps
 
 
@@ -282,7 +282,7 @@ def map_lines(maps: list[FlashPlace], newest: Valid) -> list[str]:
             text.append(f"{where}a valid map{', the newest' if len(maps) > 1 else ''}")
             text += [f"  {name:<26}{value}" for name, value in map_rows(place.map)]
         else:
-            text.append(f"{where}a valid map, save {place.map.sequence}")
+            text.append(f"{where}a valid map, save number {place.map.sequence}")
     return text
 
 

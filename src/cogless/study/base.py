@@ -104,8 +104,8 @@ class Distribution(Table):
     """Normally distributed. One number: the standard deviation around the study's value. Two numbers: mean
     and standard deviation. Values are cut off at three standard deviations."""
     corners: Number | Many[Number] | None = None
-    """One of two limits, which are written as for `uniform`. With several such keys, all combinations of
-    their limits."""
+    """One of two limits, each equally often. The limits are written as for `uniform`. With several such keys,
+    all combinations of their limits."""
     list: Many[Any] | None = None
     """One of these values, each equally often. They are numbers, texts, or whatever else the key takes."""
 
@@ -190,7 +190,7 @@ class Hold(Table):
     metric: str
     """Name of a metric, written as for `minimise`."""
     limit: Number
-    """Limit of this metric, with a unit."""
+    """Limit that this metric must keep, with a unit."""
     share: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Share of the variants that must keep the limit."""
 
@@ -202,8 +202,8 @@ class Tune(Table):
     """Two limits for each dotted key, with a unit or in %. The study's value must lie between them: the
     search begins there."""
     minimise: str
-    """Name of the metric to minimise. One of its orders is written as `NAME.72`. A metric for which higher is
-    better is maximised."""
+    """Name of the metric to minimise. For one order of a metric of kind `order`, write `NAME.72`. A metric
+    for which higher is better is maximised."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
     """Which value of the metric counts. `mean` or `worst`: that of the ensemble. A share such as 0.9: the
     value that 90 % of the variants reach or better. `nominal`: that of the study alone, without an
@@ -257,7 +257,7 @@ class Assumption(Table):
     about: str
     """The key, or a phrase, that the assumption is about."""
     reason: str
-    """Why this value was assumed."""
+    """Why the author assumed this."""
 
 
 @dataclass(frozen=True)
@@ -290,7 +290,7 @@ class TraceSettings(Table):
     file_rate: Frequency = 1000.0  # Hz
     """Largest number of rows per second in `traces.nc`. A study of trials writes all rows."""
     energy: bool = False
-    """True also records the energies and the error of the energy balance."""
+    """True: the trace also has the energies and the error of the energy balance."""
 
 
 Kind = Literal["speed", "trials"]  # keys of the tables PLANS, DESIGNS, SECTIONS and PAGES
@@ -323,7 +323,7 @@ class StudyBase(Table):
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     """Seed of all random numbers: sensor noise, bus jitter, and deviations from trial to trial."""
     description: str = ""
-    """Shown below the title of the report."""
+    """Text that the report shows below its title."""
     assumption: Many[Assumption] = ()
     """An assumption that the author had to make; listed in the report."""
     trace: TraceSettings = TraceSettings()

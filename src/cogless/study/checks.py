@@ -163,7 +163,7 @@ def feedback_under_guard(study: Study) -> None:
     for name, law in study.controller.items():
         if law.missing_feedback is not None:
             expected = (
-                "expected more than 0, since the guard compares learning with the feedback alone; or "
+                "expected more than 0, since the guard needs feedback to compare learning with; or "
                 "drive.guard = false"
             )
             raise invalid(expected, "controller", name, law.missing_feedback)

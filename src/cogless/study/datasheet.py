@@ -40,13 +40,14 @@ class AngleFile(Table):
 
     file: File
     """CSV with the columns `angle` and `torque`, `current` or `voltage`, with their units in its heading. A
-    current is the torque over $K_t$ (per peak ampere). A voltage is measured while the motor turns forwards;
-    its angle may begin anywhere."""
+    current is taken as the torque divided by $K_t$ (per peak ampere). A voltage is measured while the motor
+    turns forwards; its angle may begin anywhere."""
     frame: Literal["mechanical", "electrical"]
     """Revolution, mechanical or electrical, that the table spans. From a back-EMF over a mechanical
     revolution, only orders that are multiples of `pole_pairs` are taken."""
     orders: Many[TableOrder] | None = None
-    """Orders to take from the table, counted in its revolution. Default: the largest."""
+    """Orders to take from the table, counted in its revolution. Default: the largest ones, until at most 2 %
+    of the rms is left out."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(
@@ -89,8 +90,8 @@ class AngleFile(Table):
             rest -= abs(c) ** 2
         if len(taken) > MOST_ORDERS:
             raise invalid(
-                f"expected {MOST_ORDERS} orders or fewer that hold all but {LEFT_OUT:.0%} of the rms, but "
-                f"the table needs {len(taken)}: name the orders in the key orders",
+                f"expected a table of which {MOST_ORDERS} orders or fewer hold all but {LEFT_OUT:.0%} of "
+                f"the rms; this one needs {len(taken)}: choose orders with the key orders",
                 *key,
                 "file",
             )

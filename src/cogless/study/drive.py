@@ -54,8 +54,8 @@ class Monitor(Table):
     """Time over which the speed is measured. Default: `window` for a moving average, ten time constants for
     an observer, else two periods of the law. `speed_filter` adds ten of its time constants."""
     stuck_angle: AngleMagnitude | None = None  # rad
-    """The angle counts as stuck if it does not change while the reference turns by more than this angle.
-    Default: 0.5 rad plus two steps of the sensor, but at least four steps."""
+    """The angle counts as stuck if the measured angle does not change while the reference turns by more than
+    this. Default: 0.5 rad plus two steps of the sensor, but at least four steps."""
     stuck_time: Time | None = None  # s
     """The angle counts as stuck if it stands still for this time under full current. Default: 100 ms, but at
     least the time in which a tenth of the largest torque turns the inertia by one step of the sensor."""
@@ -77,9 +77,10 @@ class Quality(Table):
     learning."""
 
     span: Span | None = None  # rad
-    """Angle of the rotor that one window of the assessment spans. Default: a revolution."""
+    """The residual ripple is assessed in windows: angle by which the rotor turns in one window. Default: a
+    revolution."""
     longest: Duration = 60.0  # s
-    """Longest duration of one window."""
+    """Longest duration of one window of the assessment."""
     outlier: NumberGain = 0.0
     """The law does not learn from an error that is larger than the usual one by this factor, 1 or more. 0: it
     learns from every error."""
@@ -108,7 +109,7 @@ class Belief(Table):
     """Motor parameters that the controller assumes, per winding as in [motor]; default: the true values."""
 
     R_s: Resistance | None = None  # ohm
-    """Assumed resistance of one winding. Each key of this table has the motor's true value as its default."""
+    """Assumed resistance of one winding. The default of each key in this table is the motor's true value."""
     L_d: Inductance | None = None  # H
     """Assumed inductance of the d axis."""
     L_q: Inductance | None = None  # H
@@ -264,8 +265,8 @@ class CurrentReference(Table):
     """True: at high speed $i_d$ keeps the voltage within its limit. If no $i_d$ is enough, the torque is
     reduced."""
     voltage_share: Annotated[float, Field(gt=0, le=1)] = 0.95
-    """Share of the largest voltage that field weakening uses. The rest is left for the current
-    controllers."""
+    """Share of the largest voltage up to which field weakening lets the voltage rise. The rest is left for
+    the current controllers."""
 
 
 REACH_SHARE = 1 - 1e-5  # factor on the largest equivalent current: not above the C library's rounded value
@@ -324,9 +325,9 @@ class EncoderTable(Table):
     """Mechanical orders of the error to correct. An encoder off its middle makes order 1, and order 2 with
     it."""
     omega_min: AngularSpeedMagnitude  # rad/s
-    """Speed above which the table learns."""
+    """The table learns only above this speed."""
     time_constant: Duration = 0.5  # s
-    """Time constant of learning."""
+    """Time constant with which the table learns."""
     limit: Span = math.radians(2)  # rad
     """Largest magnitude of each order's cosine and sine."""
 
@@ -338,7 +339,9 @@ class EncoderTable(Table):
                 f"expected 1 to {ENCODER_TABLE_ORDERS} rising orders between 1 and {ORDER_MAX}", "orders"
             )
         if self.limit * self.orders[-1] > 1:
-            raise invalid(f"expected at most {1 / self.orders[-1]:.3g} rad", "limit")
+            raise invalid(
+                f"expected at most {1 / self.orders[-1]:.3g} rad, 1 rad over the highest order", "limit"
+            )
         if not self.omega_min:
             raise invalid("expected a speed above zero", "omega_min")
         return self
@@ -461,9 +464,7 @@ class Drive(Table):
         share, word = (0.25, "a quarter") if inverter.pwm == "centre" else (0.5, "half")
         longest = share / self.rates.current_loop
         if inverter.minimum_pulse + inverter.dead_time >= longest:
-            expected = (
-                f"expected less than {longest:.3g} s together with dead_time, {word} of a current-loop period"
-            )
+            expected = f"expected a sum with dead_time below {longest:.3g} s, {word} of a current-loop period"
             raise invalid(expected, "inverter", "minimum_pulse")
         return self
 
@@ -471,7 +472,7 @@ class Drive(Table):
     def _correctable(self) -> Self:
         """Refuse to correct a sensor that has no error by orders of its own revolution."""
         if self.encoder_table is not None and not isinstance(self.position_sensor, Counted):
-            expected = "expected no such key, unless the sensor is an encoder or a resolver"
+            expected = "expected no such key, unless drive.position_sensor is an encoder or a resolver"
             raise invalid(expected, "encoder_table")
         return self
 

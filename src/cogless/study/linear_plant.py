@@ -135,15 +135,16 @@ class LinearPlant(Table):
     """A linear plant with one input and one output, sampled with `period`."""
 
     model: Literal["continuous", "discrete"] = "continuous"
-    """Time of A and B: continuous or discrete. A continuous plant is simulated exactly at its samples."""
+    """Whether A and B describe a continuous or a discrete plant. A continuous plant is simulated exactly at
+    its samples."""
     period: Duration  # s
     """Time between two samples."""
     A: Many[Many[Entry]] | None = None
     """Matrix A as rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
     B: Many[Entry] | None = None
-    """One number or formula for each state."""
+    """Vector B: one number or formula for each state."""
     C: Many[float]
-    """Matrix C as one row of numbers."""
+    """Matrix C, one row with a number for each state."""
     parameter: dict[str, Parameter] = Field(default={})
     """Parameters of A and B by name. Each is a plain number, `[smallest, largest]`, or a table."""
     vertex: Many[PlantVertex] = ()

@@ -42,8 +42,8 @@ class TorqueHarmonic(Table):
     order: Order
     """Waves per mechanical revolution."""
     torque: Torque  # N*m
-    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase), which is added to $\tau_L$ or
-    $\tau_C$."""
+    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase), which is added to the load torque
+    $\tau_L$ or to the friction $\tau_C$."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic."""
 
@@ -108,13 +108,13 @@ class Load(Table):
     torque: Torque = 0.0  # N*m
     """Constant part of the load. A positive torque acts against positive rotation."""
     lag: Time = 0.0  # s
-    """Time constant with which the constant part changes at an event."""
+    """Time constant with which the constant part of the load changes at an event."""
     harmonics: Many[TorqueHarmonic] = ()
-    """Parts that depend on the angle."""
+    """Parts of the load that depend on the angle."""
     angle_table: AngleTable | None = None
-    """A torque over the mechanical angle."""
+    """Table of a load torque over the mechanical angle."""
     time_table: TimeTable | None = None
-    """A torque over time."""
+    """Table of a load torque over time."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -227,14 +227,14 @@ class Accelerometer(Table):
     rate: Frequency = 3200.0  # Hz
     """Samples per second. `trace.rate` must be at least four times as high."""
     rate_error: Annotated[float, Field(ge=0, le=0.1)] = 0.0
-    """Largest relative error of the sensor's own clock, drawn at random for each log. Klipper measures the
-    clock, so the times in a log are right."""
+    """The sensor's own clock is wrong by a random relative error of at most this, drawn for each log. Klipper
+    measures the clock, so the times in a log are right."""
     noise: AccelerationMagnitude = 0.0  # m/s^2
     """Standard deviation of the noise on each axis of each sample."""
     resolution: AccelerationMagnitude = 0.0  # m/s^2
     """Step of the sampled acceleration, such as 0.0392 m/s^2 of an ADXL345. 0: no steps."""
     late: Time = 0.0  # s
-    """Largest delay from the run's beginning to the log's beginning, drawn at random for each log."""
+    """Each log begins later than its run, by a random time of at most this."""
     logs: Annotated[int, Field(ge=1, le=100)] = 1
     """Number of logs of each run. Each draws its own noise, clock error and beginning."""
 
@@ -256,7 +256,7 @@ class Belt(Table):
     stiffness: BeltStiffness | None = None  # N/m
     """Force of the belt per stretch, both halves of the belt together."""
     damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.05
-    """Damping of this swinging, relative to critical damping."""
+    """Damping of the carriage that swings on its belt, relative to critical damping."""
     friction: Force = 0.0  # N
     """Friction force of the carriage while it moves."""
     accelerometer: Accelerometer | None = None

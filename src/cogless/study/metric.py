@@ -81,12 +81,13 @@ class Metric(Table):
         "trials-to-floor",
         "carriage-ripple",
     ]
-    """What is computed."""
+    """What is computed from the signal, see [](/guide/metrics.md)."""
     signal: str | None = None
     """Signal from which the metric is computed. Default: `omega_m` for `dip`, `settling` and `overshoot`,
     `theta_load` for `carriage-ripple`. `copper-loss` and `chattering` have none."""
     window: tuple[Time, Time] | None = Field(default=None, strict=False)  # s
-    """Start and end time. Default: from the event to the next event, or without an event the whole run."""
+    """Start and end of the time over which the metric is computed. Default: from the event to the next event,
+    or without an event the whole run."""
     last: Duration | None = None  # s
     """Duration of a window at the end of each scenario. It replaces `window` and `event`."""
     scenarios: Many[str] | None = None
@@ -97,19 +98,21 @@ class Metric(Table):
     """For kind `order`: the revolution in which orders count. For other kinds: whether angles and speeds are
     mechanical or electrical, that is [times the pole pairs](/guide/metrics.md#frame)."""
     event: Time | None = None  # s
-    """Time of the load event that `dip`, `settling` and `overshoot` assess."""
+    """Time of the load event whose effect `dip`, `settling` and `overshoot` measure."""
     band: float | None = None  # SI
-    """Half width of the band of `settling` and `exceeds`, in the signal's unit."""
+    """For `settling` and `exceeds`: half width of the band. For `time-to-learn`: the largest rms. In the
+    signal's unit."""
     floor: float | None = None  # SI
-    """Floor of `trials-to-floor`, in the signal's unit."""
+    """For `trials-to-floor`: the rms at or below which a trial has reached the floor, in the signal's
+    unit."""
     smooth: Duration | None = None  # s
     """For `dip`, `settling` and `overshoot`: time of a centred moving average, so that ripple does not count.
-    For `time-to-learn`: length of the pieces."""
+    For `time-to-learn`: duration of the pieces of the window whose rms must stay within `band`."""
     unit: str | None = None  # SI
     """Unit in tables and report; `results.json` always has SI units. Default: SI, but for speeds and angles
     the [unit that the study uses](/guide/metrics.md#units)."""
     better: Literal["lower", "higher", "none"] = "lower"
-    """Which values the tables mark as best."""
+    """Which values are the best and are marked in the tables: `lower` or `higher` ones, or `none`."""
     limit: float | None = None  # SI
     """Largest acceptable value; the smallest one if higher is better. `cogless sweep` shows the share of
     variants that keep it."""

@@ -87,7 +87,7 @@ class TorqueRipple(Table):
     percent_peak_to_peak: float | None = None
     """Twice the amplitude, in per cent."""
     phase: Angle = 0.0  # rad
-    """Phase of this harmonic, in its own angle."""
+    """Phase of this harmonic: 360 deg are one of its waves."""
 
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:
@@ -109,15 +109,15 @@ class Cogging(Table):
     order: Order
     """Waves per mechanical revolution."""
     torque: Torque | None = None  # N*m
-    r"""Amplitude of this harmonic of $\tau_{cog}$: torque sin(order $\theta_m$ + phase). Give this,
-    `torque_peak_to_peak` or `current`."""
+    r"""Amplitude of this harmonic of the cogging torque $\tau_{cog}$: torque sin(order $\theta_m$ + phase).
+    Give this, `torque_peak_to_peak` or `current`."""
     torque_peak_to_peak: Torque | None = None  # N*m
     """Twice the amplitude. Datasheets usually state this value."""
     current: Current | None = None  # A
     """Amplitude of the current that holds the rotor against this harmonic: torque = $K_t$ current. The
     cogging torque has the opposite sign of the holding torque: mind this in `phase`."""
     phase: Angle = 0.0  # rad
-    """Phase of this harmonic, in its own angle."""
+    """Phase of this harmonic: 360 deg are one of its waves."""
 
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:

@@ -150,7 +150,8 @@ def heating(study: Study | TrialStudy) -> None:
     fastest, rate = temperature.heating.fastest, study.drive.rates.current_loop
     if fastest > LARGEST_STEP * rate:
         expected = (
-            f"expected larger heat capacities, since a temperature changes within {1e6 / fastest:.3g} us"
+            f"expected larger heat capacities: with these a temperature changes within {1e6 / fastest:.3g} "
+            "us, too fast for one step in each period of the current loop"
         )
         raise invalid(expected, "motor", "temperature", "heating")
 

@@ -72,7 +72,7 @@ class Counted(Mounted):
     """Bandwidth of the observer, at least three times the crossover of the speed loop. Only with
     `speed_method` observer."""
     eccentricity: Angle = 0.0  # rad
-    """Amplitude of an angle error with one wave per revolution. It is the most usual order of `error`."""
+    """Amplitude of an angle error with one wave per revolution, the most usual order of `error`."""
     eccentricity_phase: Angle = 0.0  # rad
     """Phase of the error by `eccentricity`."""
     error: Many[AngleOrder] = ()
@@ -93,9 +93,11 @@ class Counted(Mounted):
             if is_set and self.speed_method != method:
                 raise invalid(f'expected no such key, unless speed_method is "{method}"', key)
         if self.observer_bandwidth is None and self.speed_method == "observer":
-            raise invalid("expected a frequency", "observer_bandwidth", value="missing")
+            raise invalid("expected the observer's bandwidth", "observer_bandwidth", value="missing")
         if self.timed and self.latency:
-            raise invalid("expected no such key, since the edges are timed", "latency")
+            raise invalid(
+                f'expected no such key, since speed_method "{self.speed_method}" times the edges', "latency"
+            )
         slope = sum(abs(part["order"] * part["amplitude"]) for part in self.orders)
         if slope >= 1:
             expected = "expected a sum of all order * amplitude below 1 rad"
@@ -284,8 +286,8 @@ class Hall(Table):
     """Electrical angle by which each of the six edges comes late. The first edge belongs at angle zero, the
     next ones every 60 deg."""
     edges: Annotated[int, Field(ge=1, le=6)] = 6
-    """Number of intervals between edges over which the speed is taken. Over six, the errors of placement
-    cancel. Over fewer, the speed is younger."""
+    """The speed is taken over this many intervals between edges. Over six, the errors of placement cancel.
+    Over fewer, the measured speed lags less."""
     timer: Frequency = 1e6  # Hz
     """Rate of the clock that times the edges."""
 

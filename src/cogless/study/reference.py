@@ -68,8 +68,8 @@ class Reference(Table):
     frequency: Frequency = 0.0  # Hz
     """Frequency of the sine."""
     depth: float = 0.0
-    """Index of a frequency modulation, that is its frequency deviation over `modulation`: offset + amplitude
-    sin(2π frequency t + depth sin(2π modulation t))."""
+    """Modulation index of a frequency modulation: its frequency deviation divided by `modulation`. The speed
+    is offset + amplitude sin(2π frequency t + depth sin(2π modulation t))."""
     modulation: Frequency = 0.0  # Hz
     """Frequency of the frequency modulation."""
     sines: Many[Sine] = ()

@@ -249,7 +249,8 @@ class MotorTemperature(Table):
     """Relative change of the flux per kelvin. It is negative: about `"-0.0011 1/K"` for neodymium magnets,
     `"-0.002 1/K"` for ferrite. Cogging changes with the square of the flux."""
     heating: Heating | None = None
-    """Heat capacities and paths of heat. Default: the temperatures are constant."""
+    """Heat capacities of winding and magnets, and thermal resistances between them and the surroundings.
+    Default: the temperatures are constant."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

@@ -88,7 +88,7 @@ class BusFault(FaultBase):
     """The bus has another voltage, and the controller measures it."""
 
     kind: Literal["bus-voltage"]
-    """The bus has another voltage. The controller measures this voltage."""
+    """The bus has another voltage during the fault. The controller measures this voltage."""
     voltage: Voltage  # V
     """Bus voltage during the fault."""
 
@@ -106,7 +106,7 @@ class Event(Table):
     time: Time  # s
     """Time of the load step."""
     load: Torque  # N*m
-    """New value of the constant part of the load."""
+    """New value of the constant part of the load, from this time on."""
 
     def is_at(self, time: float) -> bool:
         """Whether the event is at this time, s, apart from rounding in the conversion of units."""
@@ -120,7 +120,7 @@ class TorqueMode(Table):
     """
 
     time: Time  # s
-    """Beginning of [torque mode](/laws/torque-mode.md). In this mode the drive does not follow the speed
+    """Beginning of [torque mode](/laws/torque-mode.md), in which the drive does not follow the speed
     reference."""
     duration: Duration | None = None  # s
     """Duration of torque mode. Default: to the end of the run."""
@@ -206,7 +206,7 @@ class Scenario(Experiment):
     events: Many[Event] = ()
     """Load steps in the order of their times."""
     torque_mode: TorqueMode | None = None
-    """A current that replaces the speed loop from a given time on."""
+    """Torque mode: from a given time on, a given current replaces the speed loop's output."""
     override: Override = Field(default={})
     """Values of `motor`, `drive` or `mechanics` by dotted key, for this scenario only. The controllers do not
     know them: rules compute gains without the override."""

@@ -111,9 +111,9 @@ class EachTrial(Table):
     """Deviations that are drawn anew in each trial, around zero."""
 
     normal: Deviations = Deviations()
-    """Standard deviations of normally distributed deviations."""
+    """Standard deviations of what is normally distributed."""
     uniform: Deviations = Deviations()
-    """Largest magnitudes of evenly distributed deviations."""
+    """Largest magnitudes of what is evenly distributed."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:

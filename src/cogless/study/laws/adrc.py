@@ -21,9 +21,9 @@ class Adrc(Base):
     omega_c: RateGain  # 1/s
     """Bandwidth of the closed loop."""
     omega_o: Annotated[float, Quantity(units.RATE, ">", bare=True)]  # 1/s
-    """Bandwidth of the observer. It must be less than twice the speed loop's rate."""
+    """Bandwidth of the observer in rad/s. It must be less than 2 rad per sample of the speed loop."""
     tuning: AutoTuning | None = None
-    """The rule `auto`, which gives the numbers that this table leaves out."""
+    """`{ rule = "auto" }`: computes the keys that are left out of this table, see [](/laws/auto.md)."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
 
@@ -31,7 +31,8 @@ class Adrc(Base):
         """Check that the observer isn't too fast for the law's sampling rate."""
         fastest = OBSERVER_BANDWIDTH_MOST * study.drive.rates.outer_loop
         if self.omega_o > fastest * (1 - 1e-6):
-            expected = f"expected less than {fastest:.6g} 1/s, {OBSERVER_BANDWIDTH_MOST:g} a sample"
+            per_sample = f"{OBSERVER_BANDWIDTH_MOST:g} rad a sample of the speed loop"
+            expected = f"expected less than {fastest:.6g} rad/s, {per_sample}"
             raise invalid(expected, "controller", name, "omega_o")
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:

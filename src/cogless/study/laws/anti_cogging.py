@@ -27,10 +27,10 @@ class AntiCogging(Feedback, Startable):
     cells: Annotated[int, Field(ge=4, le=MAP_CELLS_MOST)] = 720
     """Number of the table's entries over a mechanical revolution."""
     lead: StartTime = 0.0  # s
-    """Time by which the table is looked up ahead: at the angle that the rotor will have by then. This
-    compensates the current loop's lag."""
+    """The table is read at the angle that the rotor will have after this time. This compensates the current
+    loop's lag."""
     calibration: Commissioning | None = None
-    """Slow run that fills the table. Give this or `start`."""
+    """Slow run, before the scenario, that fills the table. Give this or `start`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         "cells": 720,
@@ -41,7 +41,7 @@ class AntiCogging(Feedback, Startable):
     @model_validator(mode="after")
     def _filled_once(self) -> Self:
         if (self.calibration is None) == (self.start is None):
-            raise invalid(NOT_FILLED if self.start is None else "expected a calibration or a start, not both")
+            raise invalid(NOT_FILLED if self.start is None else "expected either calibration or start")
         return self
 
     @property

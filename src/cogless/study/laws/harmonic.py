@@ -57,9 +57,11 @@ class Harmonic(Feedback, LearnsWhileRunning):
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
     """Lowest learned order of a mechanical revolution. The other learned orders are its multiples. Default:
     the common divisor of `slots` and poles, or the multiple of this divisor that [reaches the main
-    order](/laws/harmonic.md#the-rule). With a given base all orders act up to 2.6 rad a sample."""
+    order](/laws/harmonic.md#the-rule). If you give `base`, each order acts up to the speed at which its phase
+    advances by 2.6 rad per sample of the law."""
     limit: CurrentBound | None = None  # A
-    """Largest value of each amplitude and of their sum. Default: `current_limit`."""
+    """Largest magnitude of the learned current, and of the cosine and sine of each order. Default:
+    `current_limit`."""
     position: bool = False
     """True: the law controls the position. False: the speed."""
     k_theta: RateGain | None = None  # 1/s

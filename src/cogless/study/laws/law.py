@@ -64,10 +64,10 @@ class Start(Table):
     """CSV of a current or torque over the angle, relative to the study, [with units in its
     heading](/guide/stored-maps.md#a-foreign-table)."""
     frame: Literal["mechanical", "electrical"] = "mechanical"
-    """Revolution in which the table's angle counts."""
+    """Revolution, mechanical or electrical, over which the table's angle counts."""
     sign: Literal["holding", "cogging"] | None = None
-    """Meaning of the table, which must be given. `"holding"`: current or torque that holds the rotor against
-    the motor's own torque. `"cogging"`: the motor's own torque."""
+    """Meaning of the table's values; this key is required. `"holding"`: current or torque that holds the
+    rotor against the motor's own torque. `"cogging"`: the motor's own torque."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -193,11 +193,11 @@ class Commissioning(Table):
     """The slow run, forwards and backwards, that fills an anti-cogging table."""
 
     speed: LawSpeed  # rad/s
-    """Speed of the run."""
+    """Speed of the commissioning run."""
     revolutions: Annotated[int, Field(ge=1, le=100)] = 1
-    """Revolutions that are recorded in each direction."""
+    """Revolutions that the commissioning run records in each direction."""
     position_gain: RateGain  # 1/s
-    """Gain that holds the rotor at the angle of the run's reference."""
+    """Speed per angle error with which the commissioning run follows its reference angle."""
 
     @property
     def duration(self) -> float:
@@ -216,8 +216,8 @@ class Base(Table):
     label: Line | None = None
     """Name in tables and report. Default: its name in the study."""
     baseline: bool = False
-    """True: tables and report show ratios to this controller. Only one controller may be the baseline.
-    Default: the first one."""
+    """True: tables and report show the other controllers' values as ratios to those of this one. Only one
+    controller may be the baseline. Default: the first one."""
 
     if TYPE_CHECKING:
         law: str  # name of the law; each law declares this as its first own key
@@ -503,7 +503,7 @@ class Startable(Base):
     """A law whose map over the angle can be one that was learned before."""
 
     start: Start | None = None
-    """Map that the law has at the start of a run. Default: an empty map. With this key, a class of your own
+    """Map that the law has learned before the run. Default: an empty map. With this key, a class of your own
     needs the methods `learned_map` and `load_map`, a library the functions `cogless_plugin_learned_map` and
     `cogless_plugin_load_map`."""
 
@@ -552,19 +552,21 @@ class Learning(LearnsWhileRunning):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
-    """What indexes the memory: time or angle, see [](/laws/memory.md)."""
+    """`"time"`: the memory is a delay line over time. `"angle"`: it is a map over the rotor's angle. See
+    [](/laws/memory.md)."""
     period: Literal["electrical", "mechanical"] = "mechanical"
     """Period of the ripple: an electrical or a mechanical revolution."""
     cells: Cells = 1024
-    """Over the angle: entries of the map in a period, at most 65535. Over time: the longest period, in
-    speed-loop samples."""
+    """With `memory = "angle"`: entries of the map in a period, at most 65535. With `"time"`: the longest
+    period, in speed-loop samples."""
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of the memory that is kept from period to period. 1: all of it."""
+    """Share of the learned values that is kept from one period to the next. 1: all of it."""
     q_half_width: Annotated[int, Field(ge=0)] = 0
-    """Entries on each side over which the Q filter averages. 0: no filter."""
+    """The Q filter averages each entry of the memory with this many entries on either side of it. 0: no
+    filter."""
     lead: StartTime = 0.0  # s
-    """Time back to the entry that the present error corrects, the entry that acted then. It is rounded to
-    speed-loop samples, at most `cells`/4 of them."""
+    """The present error corrects the entry that acted this long ago. The time is rounded to speed-loop
+    samples, at most `cells`/4 of them."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of the learned part. Default: `current_limit`."""
 
@@ -599,7 +601,7 @@ class Learning(LearnsWhileRunning):
         """Check that the lead is at most a quarter of the memory."""
         longest = self.cells // 4 / study.drive.rates.outer_loop
         if self.lead > longest * (1 + 1e-9):
-            expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
+            expected = f"expected at most {longest:.6g} s, the time of cells/4 samples of the speed loop"
             raise invalid(expected, "controller", name, "lead")
 
     def check_speeds(self, study: StudyOfLaws, name: str) -> None:
@@ -615,16 +617,17 @@ class Learning(LearnsWhileRunning):
             return
         longest = max(samples)
         if self.memory == "time" and min(samples) > self.cells:
-            expected = f"expected {math.ceil(min(samples))} or more, the number of samples in a period"
+            expected = f"expected {math.ceil(min(samples))} or more, the speed loop's samples in a period"
             raise invalid(expected, "controller", name, "cells", value=self.cells)
         if longest < FEWEST_SAMPLES:
             expected = (
-                f"expected a longer period: this one has {longest:.3g} samples, but needs {FEWEST_SAMPLES}"
+                f"expected a longer period: at top speed this one has {longest:.3g} samples of the speed "
+                f"loop, but needs {FEWEST_SAMPLES}"
             )
             raise invalid(expected, "controller", name, "period", value=self.period)
         quarter = longest / FEWEST_SAMPLES / rate
         if self.lead > quarter * (1 + 1e-9):
-            expected = f"expected at most {quarter:.6g} s, a quarter of a period"
+            expected = f"expected at most {quarter:.6g} s, a quarter of a period at top speed"
             raise invalid(expected, "controller", name, "lead")
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:

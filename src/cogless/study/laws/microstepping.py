@@ -27,9 +27,9 @@ class Wave(Table):
     """A part of a correction: magnitude sin(order u + phase), u the electrical angle of the reference."""
 
     order: Annotated[int, Field(ge=1, le=1000)]
-    """Number of waves in an electrical revolution."""
+    """Number of these waves in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
-    """Amplitude, as an electrical angle."""
+    """Amplitude of this wave, as an electrical angle."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
     """Phase of this wave."""
 
@@ -92,7 +92,7 @@ class AngleCorrection(Table):
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
                 expected = f"expected a sum of all order * magnitude below 1 rad, not {slope:.3g} rad"
-                raise invalid(expected, key or direction)
+                raise invalid(f"{expected}: otherwise the command turns back", key or direction)
 
 
 def _tables_of_file(path: Path) -> dict[str, Any]:
@@ -175,7 +175,7 @@ class Microstepping(Base):
             "a current loop that is not ideal": drive.ideal,
             "drive.rates.speed_loop equal to current_loop": rates.divider != 1
             or rates.position_loop is not None,
-            "an ideal position sensor, which only stands for the driver's coils": (
+            "no drive.position_sensor, since a driver of step motors has none": (
                 not isinstance(drive.position_sensor, IdealSensor)
             ),
             "no drive.bus": drive.bus is not None,

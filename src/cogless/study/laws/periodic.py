@@ -66,7 +66,7 @@ class RobustIlc(Learning):
     coulomb: AccelerationGain = 0.0  # rad/s^2
     """Coulomb part of the known friction."""
     tuning: AutoTuning | None = None
-    """The rule `auto`, which gives the numbers that this table leaves out."""
+    """`{ rule = "auto" }`: computes the keys that are left out of this table, see [](/laws/auto.md)."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),

@@ -27,7 +27,7 @@ class PiAfc(Feedback, LearnsWhileRunning):
     """Learning gain."""
     lead: StartTime = 0.0  # s
     """Delay from the current to the measured speed. The present error corrects the coefficients at the angle
-    of this long ago. It is not rounded to samples."""
+    that the rotor had this long ago. The delay is not rounded to samples."""
     omega_min: LawSpeed = 0.01  # rad/s
     """Speed below which learning pauses. What was learned still acts."""
     limit: CurrentBound | None = None  # A

@@ -46,9 +46,9 @@ class Period(Table):
     """The period of what is learned: turns / parts of an electrical or mechanical revolution."""
 
     of: Literal["electrical", "mechanical"] = "electrical"
-    """Kind of revolution: electrical or mechanical."""
+    """Kind of the revolutions that `turns` counts: electrical or mechanical."""
     turns: Whole = 1
-    """Number of revolutions."""
+    """Number of revolutions. The period is `turns`/`parts` revolutions."""
     parts: Whole = 1
     """Divisor: the period is `turns`/`parts` revolutions."""
 
@@ -71,22 +71,29 @@ class SpaceLearning(LearnsWhileRunning):
     period: Period = Period()
     """The period of the ripple."""
     memory: Literal["map", "delay"] = "map"
-    """A map over the angle, or a delay line over time that is read $P_t$ earlier, one period back."""
+    """`"map"`: a map over the angle. `"delay"`: a delay line over time; the law reads what it stored one
+    period of the ripple, $P_t$ seconds, ago."""
     delay_method: Literal["ode", "inversion"] = "ode"
-    """How $P_t$ is computed: by the paper's differential equation, or by inversion."""
+    """How the delay line's time $P_t$ is computed. `"ode"`: by the paper's differential equation.
+    `"inversion"`: by inversion."""
     k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s
     """Gain in the differential equation for $P_t$."""
     cells: Cells = 1024
-    """`map`: number of its entries, at most 65535. `delay`: samples of the longest period."""
+    """With `memory = "map"`: number of entries of the map, at most 65535. With `"delay"`: the longest period,
+    in speed-loop samples."""
     q_half_width: Annotated[int, Field(ge=0)] = 5
-    """Entries or samples on each side over which the Q filter averages. 0: no filter, as in the paper."""
+    """The Q filter averages each entry of the map, or sample of the delay line, with this many on either side
+    of it. 0: no filter, as in the paper."""
     # learning gains of alpha, beta and h; rad in their units refers to the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
-    r"""Learning gain of $\alpha$."""
+    r"""Learning gain of $\alpha$, the part of the learned current that depends only on the angle. 0: no such
+    part."""
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
-    r"""Learning gain of $\beta$, the part that grows with the speed. 0: no such part."""
+    r"""Learning gain of $\beta$, the part of the learned current that grows with the speed. 0: no such
+    part."""
     mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
-    """Learning gain of $h$, the part that grows with the acceleration. 0: no such part."""
+    """Learning gain of $h$, the part of the learned current that grows with the acceleration. 0: no such
+    part."""
     alpha_limit: CurrentBound | None = None  # A
     r"""Largest magnitude of the stored $\alpha$. Default: `current_limit`."""
     beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None  # A*s/rad
@@ -106,7 +113,7 @@ class SpaceLearning(LearnsWhileRunning):
     @model_validator(mode="after")
     def _learns_something(self) -> Self:
         if self.learning and not (self.mu_alpha or self.mu_beta or self.mu_h):
-            raise invalid("expected false, or a learning gain: mu_alpha, mu_beta or mu_h", "learning")
+            raise invalid("expected false, or one of mu_alpha, mu_beta and mu_h above zero", "learning")
         return self
 
     @property
@@ -275,7 +282,7 @@ class SpacePosition(SpaceLearning):
     tuning: Tuning | None = None
     """Rule that gives `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
     k_v: SpeedIntegralGain = 0.0  # A/rad
-    """Additional current per angle error."""
+    """Gain of an additional current per angle error."""
     v_0: SpeedGain = 0.0  # A*s/rad
     """Constant part of the robustifying gain."""
     v_2: Annotated[float, Quantity(units.CUBIC_SPEED_GAIN, ">=", bare=True)] = 0.0  # A*s^3/rad^3
@@ -285,7 +292,7 @@ class SpacePosition(SpaceLearning):
     ramp: StartTime = 1.0  # s
     """Time from `learning_start` over which the learning gains rise and `hand_over` takes place."""
     index: Literal["reference", "rotor"] = "reference"
-    """Angle that indexes the memory: that of the reference or that of the rotor."""
+    """Angle over which the memory is stored: that of the `reference` or that of the `rotor`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"frame": "mechanical", "hand_over": False, **MECHANICAL}
 
@@ -329,7 +336,7 @@ class SpaceSpeed(SpaceLearning):
     eta_bar: LawSpeed  # rad/s
     """Speed error above which learning pauses."""
     tuning: AutoTuning | None = None
-    """The rule `auto`, which gives the numbers that this table leaves out."""
+    """`{ rule = "auto" }`: computes the keys that are left out of this table, see [](/laws/auto.md)."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"k": 0.0, "eta_bar": 1.0, **MECHANICAL}
 

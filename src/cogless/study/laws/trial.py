@@ -23,20 +23,21 @@ class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
-    """Frequency at which the gain of both passes, forward and backward, is one half. It must be below half
-    the sampling rate."""
+    """Frequency at which the filter's gain is one half, for its forward and backward pass together. It must
+    be below half the sampling rate."""
     order: Annotated[int, Field(ge=1, le=4)] = 2
     """Order of the Butterworth filter that runs in each direction."""
     ends: Ends = "even"
-    """How the filter continues the trial beyond both ends, by reflection. `even`: no signal is enlarged.
-    `odd`, as in SciPy's filtfilt: noise near the ends is multiplied."""
+    """How the filter continues the signal beyond both ends of the trial, by reflection. `even` enlarges no
+    signal. `odd`, as in SciPy's filtfilt, multiplies noise near the ends."""
 
 
 class QFilter(SignalFilter):
     """The filter of a law that learns with a single gain."""
 
     acts_on: Literal["error", "signal"] = "error"
-    """Signal that is filtered: the error before the law learns from it, or the whole learned signal."""
+    """Signal that is filtered. `error`: the error before the law learns from it. `signal`: the whole learned
+    signal."""
 
 
 class StudyOfTrials(Protocol):
@@ -130,7 +131,7 @@ class TrialIlc(FilteredLaw):
     integral: bool = True
     """False switches the integrator off."""
     learning: bool = True
-    """False keeps $v$ at zero."""
+    """False keeps the learned signal $v$ at zero."""
     feedforward: bool = True
     """False switches the dynamic feedforward off."""
     K_s: Many[float] | None = None
@@ -172,7 +173,7 @@ class StateIlc(FilteredLaw):
     DESIGN_KEYS: ClassVar[dict[str, str]] = {"K_s": "K_stab", "K_3": "K_ilc"}
 
     law: Literal["state-ilc"]
-    """The older law (3) of Mandra 2019."""
+    """The older law, equation (3) of Mandra 2019."""
     K_stab: Many[float] | None = None
     """Gains of the state feedback. Default: by the design."""
     K_ilc: float | None = None
@@ -200,7 +201,7 @@ class NormOptimalIlc(TrialLaw):
     )
 
     law: Literal["norm-optimal"]
-    """Learning by a matrix."""
+    """Norm-optimal learning, by a matrix."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
     """Where the learned signal $v$ is added: to input and integrator, or only to the input."""
     integral: bool = True
@@ -237,17 +238,19 @@ class ObserverIlc(TrialLaw):
     law: Literal["observer-ilc"]
     """An observer's feedback, and learning of the missing input."""
     learning: bool = True
-    """False keeps $v$ at zero."""
+    """False keeps the learned signal $v$ at zero."""
     feedforward: bool = True
     """False: leaves out the input that the nominal plant needs for the reference."""
     pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
         None  # of observer and feedback; default: by the rule
     )
-    """Pole of observer and feedback, from 0 to below 1; a smaller pole is faster. Default: by the rule."""
+    """Pole of observer and feedback, from 0 to below 1; a smaller pole is faster. Default: by the law's
+    rule."""
     cutoff: LawFrequency | None = None
-    """Cut-off of the filter on $v$. Default: by the rule."""
+    """Cut-off of the filter on the learned signal $v$. Default: by the law's rule."""
     ends: Ends = "even"
-    """How the filter continues the trial beyond both ends, as in `q_filter`."""
+    """How the filter continues the learned signal beyond both ends of the trial, as the key `ends` of
+    `q_filter`."""
 
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
 
@@ -303,18 +306,20 @@ class DesignSettings(Table):
     """True: certificate, prediction and the rule of `observer-ilc` take into account the position sensor's
     latency, speed method and steps, and the delay of a bus ([how](/theory/trial-design.md#the-sensor))."""
     state_weight: Weight
-    """Weight Q of (8), a positive definite matrix: its diagonal, or its rows. The integrator comes last.
-    Without an entry for the integrator, every `trial-ilc` and `norm-optimal` must have `integral = false`."""
+    """Weight Q of (8) in Mandra 2019, a positive definite matrix: its diagonal, or its rows. The integrator
+    comes last. Without an entry for the integrator, every `trial-ilc` and `norm-optimal` must have `integral
+    = false`."""
     input_weight: Annotated[float, Field(gt=0)]
-    """Weight R of (8)."""
+    """Weight R of (8) in Mandra 2019."""
     initial_state: Many[float]
-    r"""Initial state $\gamma$ of (10), whose cost is bounded. It has as many numbers as `state_weight`."""
+    r"""Initial state $\gamma$ of (10) in Mandra 2019: the design bounds the cost from this state. It has as
+    many numbers as `state_weight`."""
     initial_change: Many[float] | None = None
-    """Vector f of (31), with as many numbers as `state_weight`. Default: `initial_state`. Give zeros if all
-    trials start alike, even with an offset: $K_3$ is then the gain whose slowest frequency converges
-    fastest."""
+    """Vector f of (31) in Mandra 2019, with as many numbers as `state_weight`. Default: `initial_state`. Give
+    zeros if all trials start alike, even with an offset: $K_3$ is then the gain whose slowest frequency
+    converges fastest."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
-    """Number g of (31)."""
+    """Number g of (31) in Mandra 2019."""
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
     """Ranges of a drive's parameters, `[smallest, largest]` by dotted key: `"mechanics.inertia"`,
     `"mechanics.viscous_friction"`, `"motor.K_t"`."""
