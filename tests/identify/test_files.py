@@ -104,7 +104,7 @@ def test_a_rounded_clock_is_a_regular_one_and_a_jittering_one_is_interpolated(tm
     columns = {**COLUMNS, "ms": jitter, "current": np.interp(jitter, regular, theta)}
     (even,) = logs(tmp_path, "b.npz", columns)
     assert np.diff(even["i_q"], 2) == pytest.approx(0, abs=1e-6)
-    assert any("each is used at its own time" in line for line in even.remarks)
+    assert any("each row is used at its own time" in line for line in even.remarks)
 
 
 def test_rows_that_repeat_are_told(tmp_path):

@@ -189,7 +189,7 @@ def test_what_is_told_of_uneven_rows_is_their_spacing(tmp_path: Path) -> None:
     rows = np.arange(1000)
     assert np.std(t - np.polyval(np.polyfit(rows, t, 1), rows)) > 1.0
     (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": t})
-    line = "a.npz: rows are 2 ms apart, with a spread of 0.28 ms rms; each is used at its own time."
+    line = "a.npz: rows are 2 ms apart, with a spread of 0.28 ms rms; each row is used at its own time."
     assert line in log.remarks
 
 
@@ -236,15 +236,18 @@ def test_an_uneven_spacing_of_rows_is_told_from_a_twentieth_of_a_period_of_jitte
     for share, told in ((0.045, False), (0.06, True)):
         (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": COLUMNS["ms"] + share * noise})
         said = [line for line in log.remarks if "apart" in line]
-        line = "a.npz: rows are 1 ms apart, with a spread of 0.085 ms rms; each is used at its own time."
+        line = "a.npz: rows are 1 ms apart, with a spread of 0.085 ms rms; each row is used at its own time."
         assert said == [line] * told
 
 
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
-        ({**COLUMNS, "ms": np.zeros(1000)}, "ms: never changes: expected a moving t"),
-        ({**COLUMNS, "counts": np.full(1000, 7.0)}, "counts: never changes: expected a moving theta"),
+        ({**COLUMNS, "ms": np.zeros(1000)}, "ms: never changes: expected changing values of t"),
+        (
+            {**COLUMNS, "counts": np.full(1000, 7.0)},
+            "counts: never changes: expected changing values of theta",
+        ),
         ({key: x[:99] for key, x in COLUMNS.items()}, "99 rows: expected 100 or more"),
         (
             {key: x for key, x in COLUMNS.items() if key != "ms"},

@@ -876,7 +876,7 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
             [100 * share / whole for share in shares.values()], abs=0.006
         )
     assert cells(page)[len(drawn) :] == [
-        ["Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence"],
+        ["Log", "order", "speed", "load", "ripple, rms", "share of the square", "causes", "confidence"],
         [
             slow.log,
             "24",
@@ -895,7 +895,7 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     page = diagnosed.render(more)
     says = (
         "the logged speed ripples by 1 rad/s rms; "
-        "69 % of the square of this are steps and noise of the measurement"
+        "69 % of its square come from steps and noise of the measurement"
     )
     assert f"<li>{slow.log}: 0.559 rad/s rms, {says}<" in page
     assert "<li>a: holds the rotor</li>" in page
@@ -974,6 +974,6 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
     head, one, two = cells(page.split("What each log contributed")[1])
     assert head == ["Log", "kind", "rows", "not explained, rms", "error if predicted from the other logs"]
     miss = f"{1e3 * 0.05 * np.std(x):.2g}"
-    assert one[:3] == ["one.csv", "not said", "2000"] and one[3].startswith(miss[:1])
+    assert one[:3] == ["one.csv", "not given", "2000"] and one[3].startswith(miss[:1])
     assert (one[4], two[4]) == ("10 % of its current", "9.1 % of its current")
     assert two[:3] == ["two.csv", "load", "2000"]

@@ -71,7 +71,7 @@ def test_a_session_has_its_friction_and_its_offset_as_far_as_they_are_told(monke
     assert [re.findall(r"<t[hd]>(.*?)</t[hd]>", row) for row in rows] == [
         ["Session", "logs", "friction over K_t", "offset of i_q"],
         ["a &lt;b&gt;", "one.csv, two.csv", "0.25 +- 0.01 A", "-0.13 +- 0.02 A"],
-        ["b", "x", "not told", "not told"],
+        ["b", "x", "not known", "not known"],
     ]
     monkeypatch.setattr(identified, "sessions", lambda made: ())
     assert identified._sessions(None) == ""

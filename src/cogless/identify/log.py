@@ -53,7 +53,7 @@ HEADINGS_COMPARED = 1000  # headings of a file that are compared with a missing 
 HEADINGS_SHOWN = 12  # headings that a message shows if none is like the missing heading
 NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading is named
 SPREAD_LEAST = 0.07  # rms spread of the time between rows, in periods, above which a remark reports it
-OWN_TIMES = "each is used at its own time"
+OWN_TIMES = "each row is used at its own time"
 EVEN_ROWS = "the times are taken as rounded, and the rows as evenly spaced"
 REPEATED_SHARE = 0.2  # share of rows that repeat the row before, above which a remark reports it
 
@@ -252,7 +252,8 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
         still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
         if still and not np.any(signals[signal] != signals[signal][0]):
             raise StudyError(
-                f"{where}: {identification.columns[signal].name}: never changes: expected a moving {signal}"
+                f"{where}: {identification.columns[signal].name}: never changes: expected changing values of "
+                f"{signal}"
             )
     if signals.keys() <= {"t"}:
         raise StudyError(
@@ -449,7 +450,7 @@ def _timed(
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
                 raise AdvisedError(
                     Advice(
-                        f"{jumps}; read as degrees it would not: expected {lines}",
+                        f"{jumps}; with the unit deg it does not jump: expected {lines}",
                         cure,
                     )
                 )

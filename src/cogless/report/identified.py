@@ -150,7 +150,7 @@ def _logs(estimate: Estimate) -> str:
         spread = float(np.std(y)) or 1.0
         cells = [
             log.name,
-            log.kind or "not said",
+            log.kind or "not given",
             f"{len(log)}",
             f"{1e3 * float(np.std(own)):.3g} mA",
             f"{100 * float(np.std(others)) / spread:.2g} % of its current",
@@ -165,6 +165,6 @@ def _sessions(estimate: Estimate) -> str:
     rows = []
     for session in sessions(estimate):
         values = [session.values.get(key) for key in SESSION_KEYS]
-        texts = ["not told" if value is None else value_text(value, "A") for value in values]
+        texts = ["not known" if value is None else value_text(value, "A") for value in values]
         rows.append([session.name, ", ".join(session.logs), *texts])
     return text_table("", "Sessions", ("Session", "logs", "friction over K_t", "offset of i_q"), rows)
