@@ -251,7 +251,7 @@ def test_a_rotor_that_stands_still_turns_faster() -> None:
     step = bench.TURN / bench.COUNTS
     theta = np.floor(3 * np.maximum(0.0, t - 2) / step) * step
     waits = {"t": t, "theta": theta, "omega": np.gradient(theta, t), "i_q": 0.04 + 0 * t}
-    line = advice(said({**logs, "waits": waits})[0], "turn faster, or with more feedback")
+    line = advice(said({**logs, "waits": waits})[0], "turn faster, or with higher feedback gains")
     assert line.cures == ({"record.kind": "constant-speed", "record.log": "waits.npz"},)
     after, made = said({**logs, "waits": of_case("cogging", "both")["both"]})
     assert not any("stands still" in line for line in after) and inertia_off(made) < 0.02
@@ -304,7 +304,7 @@ def test_an_index_that_is_found_before_each_log_has_cogging_in_one_place() -> No
     logs = of_case("cogging", "slow", "sweep", "fast")
     turned = {**logs["slow"], "theta": logs["slow"]["theta"] + 0.07}
     before, made = said({**logs, "slow": turned})
-    line = advice(before, "the index has slipped")
+    line = advice(before, "the encoder's index has slipped")
     assert line.cures == ({"record.index": True, "record.log": "sweep.npz"},)
     after, again = said(logs)
     assert made is not None and again is not None
@@ -573,7 +573,7 @@ def test_a_third_speed_tells_a_vibration_from_orders_that_meet() -> None:
 def test_an_order_that_grows_with_speed_is_told_by_the_current() -> None:
     logs = of_case("encoder", "odd", "fast", "slow", "sweep")
     lines = diagnosed(without(logs, "i_q")).remarks
-    grows = [line for line in advice_of(lines) if " grows from " in line]
+    grows = [line for line in advice_of(lines) if " grows between " in line]
     assert grows and all(line.cures == ({"record.signal": "i_q"},) for line in grows)
     made = diagnosed(logs)
     assert diagnosis.answer(made).startswith("Most of the ripple is encoder: ")

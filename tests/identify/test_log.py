@@ -331,8 +331,8 @@ def test_an_angle_slips_where_it_jumps_by_ten_times_the_rows_around(jump: float,
     assert (
         remarks
         == [
-            f"a: row 301: the angle jumps by {degrees:.2g} deg: the index has slipped, or counts are lost; "
-            "what follows is left out."
+            f"a: row 301: the angle jumps by {degrees:.2g} deg: the encoder's index has slipped, or counts "
+            "are lost; the rows after it are left out."
         ]
         * slips
     )

@@ -212,7 +212,7 @@ def test_orders_that_no_log_shows_are_named_with_the_speed_at_which_one_would(kn
     (line,) = left
     assert (
         line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed. A motor of 4 pole pairs "
-        "may cog at order 48, too, which needs 1.5 rev/s."
+        "may also cog at order 48. To see this order needs 1.5 rev/s."
     )
     just = 80 * 6.25 / 48  # what is advised has a tenth to spare
     assert isinstance(line, Advice) and line.cures[0]["record.speed"] == pytest.approx(0.9 * just)
@@ -299,7 +299,7 @@ def test_a_rotor_that_stands_still_without_slipping_should_turn_faster(known: Id
         else:
             assert found == [
                 f"one.csv: the rotor stands still {said} of the time, where friction is not known; "
-                "turn faster, or with more feedback."
+                "turn faster, or with higher feedback gains."
             ]
 
 
@@ -314,7 +314,7 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
     rest = "of the time, where friction is not known"
     assert findings._sticks(known, log(theta=slips)) == (
         f"{still} 77 % {rest}: the rotor sticks and slips at 20 rev/s; record at this speed or faster, with "
-        "1500 rows a second or more, or with more feedback."
+        "1500 rows a second or more, or with higher feedback gains."
     )
     slow = findings._sticks(known, log(theta=slips / 10))
     assert slow is not None and "slips at 2 rev/s; record at this speed or faster, with 1000 rows" in slow
@@ -323,7 +323,7 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
         assert said is not None and ("the rotor sticks" in said) == sticks
     counts = 2.0**-10 * (np.arange(2000) // 20)
     assert findings._sticks(known, log(theta=counts)) == (
-        f"{still} 100 % {rest}; turn faster, or with more feedback."
+        f"{still} 100 % {rest}; turn faster, or with higher feedback gains."
     )
     assert findings._sticks(known, log(theta=2 * counts)) is None
 
@@ -502,9 +502,12 @@ def test_an_order_falls_or_grows_with_speed() -> None:
             [order_at(6, TURN), order_at(6, fast * TURN, ripple=ripple, share=share)]
         )
 
-    assert said(2.0, 0.5 / 2**0.6) == ["Order 6 falls from 1 to 2 rev/s: a torque makes it, not the encoder."]
+    assert said(2.0, 0.5 / 2**0.6) == [
+        "The ripple of order 6 falls between 1 and 2 rev/s: a torque causes it, not the encoder."
+    ]
     assert said(2.0, 0.5 * 2**0.6) == [
-        "Order 6 grows from 1 to 2 rev/s: the encoder's error, or a torque whose ripple the controller "
+        "The ripple of order 6 grows between 1 and 2 rev/s: the encoder's error, or a torque whose ripple "
+        "the controller "
         "reduces at low speed; record i_q."
     ]
     assert said(2.0, 0.5 / 2**0.4) == said(2.0, 0.5 * 2**0.4) == []

@@ -958,7 +958,7 @@ def test_page_of_short_runs(made, rows):
         return Run(run.scenario, run.controller, short(run.trace, rows), run.memory, {})
 
     page = render(Results(made.study, [one(run) for run in made.runs]))
-    assert "Nothing to judge by" in page
+    assert "No controller can be judged" in page
 
 
 def spoilt(run, value, since):

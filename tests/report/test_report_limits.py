@@ -65,7 +65,7 @@ def told(results, *arguments, **keys):
 def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results):
     with_them = replace(results, limits={"turn": limits([("sensor-steps", 1.0)])})
     (verdict,) = verdicts(with_them)
-    left = "further runs, each with one change, left 1.00 rpm without the position sensor's steps"
+    left = "simulated again, it left 1.00 rpm without the position sensor's steps"
     sentence = f"What limits “PI, high”, which leaves 10.0 rpm: {left}."
     assert verdict.details[0] == sentence and sentence not in verdicts(results)[0].details
     page = render(with_them)

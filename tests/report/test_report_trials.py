@@ -644,7 +644,7 @@ def test_page_without_designs_or_runs(study):
     one = render(replace(both, runs=both.runs[:1]))
     assert "Numbers of move" in one
     empty = render(TrialResults(study, [], interrupted=True))
-    assert "Interrupted" in empty and "Nothing to judge by" in empty
+    assert "Interrupted" in empty and "No controller can be judged" in empty
     assert data_of(empty)["scenarios"] == []
 
 

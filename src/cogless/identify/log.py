@@ -713,7 +713,7 @@ def _slip(name: str, theta: Array, step: float, ends: NDArray[np.int_], remarks:
         return len(theta)
     at, size = int(jumps[0]) + 1, np.degrees(moved[jumps[0]])
     remarks.append(
-        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are "
-        "lost; what follows is left out."
+        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the encoder's index has slipped, or "
+        "counts are lost; the rows after it are left out."
     )
     return at
