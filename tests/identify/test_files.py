@@ -797,5 +797,7 @@ def test_a_decimal_comma_is_seen_beside_an_empty_cell(tmp_path):
     parts = known(tmp_path, "[columns]", '[columns]\npart = "part"')
     part = np.where(np.arange(ROWS) == 4, np.nan, 1.0)
     np.savez(tmp_path / "a.npz", **COLUMNS, part=part)
-    with pytest.raises(StudyError, match=r"a.npz: part: row 5: no number: expected the number of a part$"):
+    with pytest.raises(
+        StudyError, match=r"a.npz: part: row 5: no number: expected the number of a part of the file$"
+    ):
         load_logs([tmp_path / "a.npz"], parts)

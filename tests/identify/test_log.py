@@ -352,7 +352,7 @@ def test_rows_that_repeat_are_told_from_a_fifth_on(share: float, told: bool) -> 
     theta = np.concatenate(([0.0], np.cumsum(moved)))
     remarks: list[str] = []
     logging._repeats("a", {"theta": theta, "i_q": theta}, 0.1, remarks)
-    expected = "a: 21 % of the rows repeat the one before: the log is faster than the drive."
+    expected = "a: 21 % of the rows repeat the row before: the log has more rows than the drive has samples."
     assert remarks == [expected] * told
     logging._repeats("a", {"theta": theta, "i_q": theta}, 1.0, slow := [])  # a count lasts longer than a row
     logging._repeats("a", {"theta": theta, "i_q": np.arange(1001.0)}, 0.1, slow)  # a new current in each row

@@ -131,7 +131,8 @@ def _parts(path: Path, log: LogColumns, identification: Identification) -> Itera
     if np.isnan(values).any():
         row = np.flatnonzero(np.isnan(values))[0] + 1
         raise StudyError(
-            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of a part"
+            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of a "
+            "part of the file"
         )
     parts = np.unique(values)
     if len(parts) > FILE_LOGS_MOST:
@@ -391,7 +392,8 @@ def _without_bursts(name: str, t: Array, signals: Columns, remarks: list[str]) -
     if np.std(arrival - lost - slope * last) > UNEVEN_SHARE * slope * np.median(sizes):
         return t
     remarks.append(
-        f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as packets give; they "
+        f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as when sent in packets; "
+        "they "
         f"are taken as evenly spaced, {1e3 * slope:.4g} ms apart."
     )
     return np.asarray(start + slope * np.arange(len(t)) + np.repeat(lost, np.diff(first, append=len(t))))
@@ -696,8 +698,8 @@ def _repeats(name: str, signals: Columns, step: float, remarks: list[str]) -> No
     )
     if np.mean(same) > REPEATED_SHARE:
         remarks.append(
-            f"{name}: {100 * np.mean(same):.0f} % of the rows repeat the one before: "
-            "the log is faster than the drive."
+            f"{name}: {100 * np.mean(same):.0f} % of the rows repeat the row before: the log has more rows "
+            "than the drive has samples."
         )
 
 
