@@ -133,7 +133,7 @@ def test_the_report_says_what_was_found(chain):
     page = (chain / "found/report.html").read_text()
     for text in (
         "inertia over K_t",
-        "Measured over simulated",
+        "Measured and simulated",
         "load-backwards",
         "predicted from the other logs",
     ):

@@ -651,7 +651,8 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
     assert diagnosis._without([poor]) == [
         "one.csv: no angle: orders are from the integral of the speed, and have no place on the rotor; "
         "record the encoder's angle as theta.",
-        "one.csv: no current: it shows how an order changes with the speed, but not which cause the order "
+        "one.csv: no current: the log shows how an order changes with the speed, but not which cause the "
+        "order "
         "has; record i_q.",
     ]
 
@@ -661,7 +662,7 @@ def test_every_log_without_a_steady_part_says_what_it_is_used_for() -> None:
     assert diagnosis._uses(logs, {"one.csv"}, set()) == {
         "still.csv": "the rotor is held: used for the cogging",
         "off.csv": "the bridge is off: used for the offsets of the phase currents",
-        "poor.csv": "no turn at a steady speed, and no torques: not used",
+        "poor.csv": "no turn at a steady speed, and no known torques: not used",
     }
     assert diagnosis._uses(logs[:1], set(), {"one.csv"}) == {
         "one.csv": "no turn at a steady speed: used for inertia, friction and orders, not for shares"
@@ -946,7 +947,7 @@ def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
         ("time", "omega_measured"), ("s", "rad/s"), np.column_stack([fine, 5 + 0.5 * np.sin(TURN * fine)])
     )
     page = identified._overlay(measured, trace, "omega", "omega_measured")
-    title = "one.csv: omega (rad/s), 1 s; standard deviation simulated over measured 0.50"
+    title = "one.csv: omega (rad/s), 1 s; standard deviation, simulated / measured: 0.50"
     assert f"<header>{title}</header>" in page and f'aria-label="{title}"' in page
     lines = curves(page)
     assert [colour for colour, _ in lines] == ["c0", "c2"]

@@ -202,7 +202,7 @@ def _without(logs: Sequence[Log]) -> list[str]:
         if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
             remarks.append(
                 Advice(
-                    f"{log.name}: no current: it shows how an order changes with the speed, but "
+                    f"{log.name}: no current: the log shows how an order changes with the speed, but "
                     "not which cause the order has; record i_q.",
                     recording(signal="i_q", log=log.name),
                 )
@@ -225,7 +225,7 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
                 "no turn at a steady speed: used for inertia, friction and orders, not for shares"
             )
         else:
-            uses[log.name] = "no turn at a steady speed, and no torques: not used"
+            uses[log.name] = "no turn at a steady speed, and no known torques: not used"
     return uses
 
 

@@ -40,7 +40,7 @@ def render(identified: Identified) -> str:
         ("Orders", _orders(estimate)),
         ("What was found", _values(estimate)),
         ("What is left out, and what to record next", sentences([*estimate.left_out, *estimate.remarks])),
-        ("Measured over simulated", _replays(identified)),
+        ("Measured and simulated", _replays(identified)),
         ("What each log contributed", _logs(estimate)),
         ("Sessions", _sessions(estimate)),
     ]
@@ -131,7 +131,7 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     time = log.dt * np.arange(count)[every]
     drawn = [axes.line(time, v[every], colour) for v, colour in ((x, "--c0"), (y, "--c2"))]
     ratio = float(np.std(y) / np.std(x)) if np.std(x) else float("nan")
-    title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation simulated over measured {ratio:.2f}"
+    title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation, simulated / measured: {ratio:.2f}"
     return axes.panel(title, *drawn)
 
 
