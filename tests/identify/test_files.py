@@ -110,7 +110,7 @@ def test_a_rounded_clock_is_a_regular_one_and_a_jittering_one_is_interpolated(tm
 def test_rows_that_repeat_are_told(tmp_path):
     held = {key: x if key == "ms" else np.repeat(x[::2], 2) for key, x in COLUMNS.items()}
     (log,) = logs(tmp_path, "a.npz", held)
-    assert any(line.startswith("a.npz: 50 % of the rows repeat the one before") for line in log.remarks)
+    assert any(line.startswith("a.npz: 50 % of the rows repeat the row before") for line in log.remarks)
 
 
 def test_rows_of_the_same_time_are_left_out(tmp_path):
