@@ -94,7 +94,8 @@ def test_what_is_unstable_with_the_back_emf_is_so_in_a_run_and_each_cure_mends_i
     assert warning is not None
     assert str(warning).startswith(
         "with the motor's back-EMF its loop is unstable; without it the margin is 45 deg. The decoupling "
-        "does not prevent this, since it uses a late speed; drive.current_loop.decoupling = false"
+        "does not prevent this, since the speed that it uses comes late; drive.current_loop.decoupling = "
+        "false"
     )
 
     def ripple(of: Study) -> float:

@@ -73,7 +73,8 @@ def test_the_position_loop_of_a_rule_is_a_quarter_as_fast_as_the_speed_loop(tmp_
     [
         (3.0, K_THETA, None),
         (6.0, K_THETA,
-            "its calibration run in scenario low turns so fast that order 24 comes at 22.9 Hz: the table "
+            "its calibration run in scenario low turns too fast to record order 24, at 22.9 Hz, well: the "
+            "table "
             'would leave 0.95 times the ripple; speed = "7.5 rpm" would be enough by calculation'),
         (12.0, K_THETA,
             "its calibration run in scenario low records from 65.4 ms after a reversal on, before the rotor "

@@ -232,7 +232,7 @@ def test_a_set_that_bends_gets_a_bounding_polytope() -> None:
     loops = bent_loops()
     vertices, affine, note = mapped(loops, 2)
     assert not affine
-    assert "reaches beyond its vertices' hull by" in note
+    assert "reaches beyond the hull of its vertices by" in note
     assert len(vertices) > 2
     rows = np.array([v.entries for v in vertices])
     for share in np.linspace(0, 1, 21):

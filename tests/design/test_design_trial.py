@@ -483,8 +483,8 @@ def part(**more: Any) -> Any:
         (part(norm=1.25), "1.25 a trial at 12.35 Hz"),
         (part(norm=1 + 1e-9, growth=1.5), "1.5 a trial, from the ends of the trial"),
         (part(growth=1.5, with_filter=1), "1.5 a trial, from the ends of the filter"),
-        (part(growth=1 + 0.9e-4), "1.5 a sample, by Phi's largest pole"),
-        (part(phi_radius=None), "1 + 0.0e+00 a sample, by Phi's largest pole"),
+        (part(growth=1 + 0.9e-4), "1.5 a sample, by the largest pole of the matrix Phi (27)"),
+        (part(phi_radius=None), "1 + 0.0e+00 a sample, by the largest pole of the matrix Phi (27)"),
     ],
 )  # fmt: skip
 def test_what_can_grow_is_told_with_what_prevents_it(
@@ -568,7 +568,7 @@ FILTERED = f"{FASTEST} with the filter on the learned signal"
         (30.0, "signal", 0.95, None, f"{FILTERED}: 0.95"),
         (30.0, "signal", 0.951, None, None),
         (30.0, "signal", 0.8, (0.9, 4, 0.5),
-            f"{FILTERED}: 0.8, or 0.9 with the trial's ends; with shift = 4 that factor would be 0.5"),
+            f"{FILTERED}: 0.8, or 0.9 with the trial's ends, which shift = 4 would reduce to 0.5"),
     ],
 )  # fmt: skip
 def test_a_gain_by_frequency_says_how_fast_it_is(

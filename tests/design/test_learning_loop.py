@@ -404,7 +404,10 @@ def test_sensors_that_err_make_order_one_and_two_of_the_current(phases: int, sen
 
 @pytest.mark.parametrize(
     ("swing", "told"),
-    [(0.999 * STALLING_RATIO, []), (0.414, ["at 3 rad/s its feedback lets the speed swing by 41 % rms"])],
+    [
+        (0.999 * STALLING_RATIO, []),
+        (0.414, ["at 3 rad/s the feedback alone lets the speed swing by 41 % rms"]),
+    ],
 )
 def test_doubts_are_the_first_that_a_loop_has_itself_and_a_speed_that_swings_by_much(
     monkeypatch: pytest.MonkeyPatch, swing: float, told: list[str]

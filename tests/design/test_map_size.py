@@ -31,7 +31,7 @@ def warned(folder: Path, **law: Any) -> str | None:
         (1000, None),
         (
             600,
-            "6 cells: the straight lines between cells lose 8.8 % of the wave",
+            "6 cells: linear interpolation between cells loses 8.8 % of the wave",
         ),
         (199, "1.99 cells: too few for a map to hold the wave"),
     ],
@@ -46,7 +46,7 @@ def test_it_is_told(cells: int, said: str | None, tmp_path: Path) -> None:
 def test_a_filter_as_wide_as_the_wave_keeps_nothing_of_it(tmp_path: Path) -> None:
     assert warned(tmp_path, cells=3300, q_half_width=5) is None
     assert warned(tmp_path, cells=1100, q_half_width=5) == (
-        "with cells = 1100 a wave of order 100 (mechanical) has only 11 cells: the straight lines between "
+        "with cells = 1100 a wave of order 100 (mechanical) has only 11 cells: linear interpolation between "
         "cells and the Q filter over 11 cells together lose 100 % of the wave in each period; cells = 3300, "
         "or q_half_width = 1 would be enough by calculation"
     )

@@ -108,7 +108,7 @@ def cases(name: str) -> dict[str, tuple[dict[str, float], str, set[str]]]:
         ),
         "both in degrees": (
             {"theta": DEGREES, "omega": DEGREES},
-            'read as degrees it would not: expected columns.theta.unit = "deg" and '
+            'with the unit deg it does not jump: expected columns.theta.unit = "deg" and '
             'columns.omega.unit = "deg/s"',
             of_both,
         ),

@@ -104,13 +104,13 @@ def test_a_rounded_clock_is_a_regular_one_and_a_jittering_one_is_interpolated(tm
     columns = {**COLUMNS, "ms": jitter, "current": np.interp(jitter, regular, theta)}
     (even,) = logs(tmp_path, "b.npz", columns)
     assert np.diff(even["i_q"], 2) == pytest.approx(0, abs=1e-6)
-    assert any("each is used at its own time" in line for line in even.remarks)
+    assert any("each row is used at its own time" in line for line in even.remarks)
 
 
 def test_rows_that_repeat_are_told(tmp_path):
     held = {key: x if key == "ms" else np.repeat(x[::2], 2) for key, x in COLUMNS.items()}
     (log,) = logs(tmp_path, "a.npz", held)
-    assert any(line.startswith("a.npz: 50 % of the rows repeat the one before") for line in log.remarks)
+    assert any(line.startswith("a.npz: 50 % of the rows repeat the row before") for line in log.remarks)
 
 
 def test_rows_of_the_same_time_are_left_out(tmp_path):
@@ -797,5 +797,7 @@ def test_a_decimal_comma_is_seen_beside_an_empty_cell(tmp_path):
     parts = known(tmp_path, "[columns]", '[columns]\npart = "part"')
     part = np.where(np.arange(ROWS) == 4, np.nan, 1.0)
     np.savez(tmp_path / "a.npz", **COLUMNS, part=part)
-    with pytest.raises(StudyError, match=r"a.npz: part: row 5: no number: expected the number of a part$"):
+    with pytest.raises(
+        StudyError, match=r"a.npz: part: row 5: no number: expected the number of a part of the file$"
+    ):
         load_logs([tmp_path / "a.npz"], parts)

@@ -145,7 +145,7 @@ def test_a_feedback_law_is_told_from_a_plant_by_an_acceleration_log() -> None:
     for log in logs.values():
         log["i_q"] = -0.05 * np.roll(log["omega"] - np.mean(log["omega"]), 2)
     before, made = said(logs)
-    assert "All logs of a turning motor show the feedback law" in " ".join(before)
+    assert "In all logs of a turning motor i_q only follows the feedback law" in " ".join(before)
     for line in advice_of(before):
         if "feedback law" in line:
             assert line.cures == ({"record.kind": ("acceleration",)},)
@@ -209,7 +209,7 @@ def test_phase_currents_of_the_bridge_off_tell_the_offsets() -> None:
 def test_rows_that_are_too_few_are_as_many_as_is_advised() -> None:
     logs = of_case("gain", "slow", "sweep", "fast")
     seldom = {name: {key: x[::25] for key, x in log.items()} for name, log in logs.items()}
-    line = advice(said(seldom)[0], "may cog at order")
+    line = advice(said(seldom)[0], "may also cog at order")
     rate, speed = (cure for cure in line.cures)
     every = math.floor(1000 / rate["record.rate"])
     assert 1 <= every < 25
@@ -251,7 +251,7 @@ def test_a_rotor_that_stands_still_turns_faster() -> None:
     step = bench.TURN / bench.COUNTS
     theta = np.floor(3 * np.maximum(0.0, t - 2) / step) * step
     waits = {"t": t, "theta": theta, "omega": np.gradient(theta, t), "i_q": 0.04 + 0 * t}
-    line = advice(said({**logs, "waits": waits})[0], "turn faster, or with more feedback")
+    line = advice(said({**logs, "waits": waits})[0], "turn faster, or with higher feedback gains")
     assert line.cures == ({"record.kind": "constant-speed", "record.log": "waits.npz"},)
     after, made = said({**logs, "waits": of_case("cogging", "both")["both"]})
     assert not any("stands still" in line for line in after) and inertia_off(made) < 0.02
@@ -304,7 +304,7 @@ def test_an_index_that_is_found_before_each_log_has_cogging_in_one_place() -> No
     logs = of_case("cogging", "slow", "sweep", "fast")
     turned = {**logs["slow"], "theta": logs["slow"]["theta"] + 0.07}
     before, made = said({**logs, "slow": turned})
-    line = advice(before, "the index has slipped")
+    line = advice(before, "the encoder's index has slipped")
     assert line.cures == ({"record.index": True, "record.log": "sweep.npz"},)
     after, again = said(logs)
     assert made is not None and again is not None
@@ -317,7 +317,7 @@ def test_a_slow_log_shows_the_orders_that_fast_ones_hide() -> None:
     up = tuple((0.3 * n, bench.TURN * (18.0 if n % 2 else 26.0)) for n in range(14))
     runs = {"both": bench.both_ways(20.0, 2.0), "up": bench.Run(up)}
     logs = dict(zip(runs, bench.simulated([(drive, run) for run in runs.values()]), strict=True))
-    line = advice(said(logs)[0], "may cog at order")
+    line = advice(said(logs)[0], "may also cog at order")
     (speed,) = [cure["record.speed"] for cure in line.cures if "record.speed" in cure]
     assert speed < 20 * bench.TURN
     (slower,) = bench.simulated([(drive, bench.both_ways(speed / bench.TURN, 2.0))])
@@ -573,7 +573,7 @@ def test_a_third_speed_tells_a_vibration_from_orders_that_meet() -> None:
 def test_an_order_that_grows_with_speed_is_told_by_the_current() -> None:
     logs = of_case("encoder", "odd", "fast", "slow", "sweep")
     lines = diagnosed(without(logs, "i_q")).remarks
-    grows = [line for line in advice_of(lines) if " grows from " in line]
+    grows = [line for line in advice_of(lines) if " grows between " in line]
     assert grows and all(line.cures == ({"record.signal": "i_q"},) for line in grows)
     made = diagnosed(logs)
     assert diagnosis.answer(made).startswith("Most of the ripple is encoder: ")

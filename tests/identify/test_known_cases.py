@@ -132,8 +132,8 @@ def test_one_speed_does_not_tell_an_error_of_order_2p_and_says_so() -> None:
 
 
 @pytest.mark.parametrize(("log", "cause"), [
-    ("odd", "beyond the rows"),  # order 90 is shown as 11.26, which is no order
-    ("drives", "cogging or current gain or encoder or beyond the rows"),  # and here as order 10
+    ("odd", "too fast for the rows"),  # order 90 is shown as 11.26, which is no order
+    ("drives", "cogging or current gain or encoder or too fast for the rows"),  # and here as order 10
 ])  # fmt: skip
 def test_an_order_beyond_the_rows_is_not_called_absent(log: str, cause: str) -> None:
     """100 rows a second are too few for the cogging of slots and poles; the advised rate shows it."""

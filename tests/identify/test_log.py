@@ -189,7 +189,7 @@ def test_what_is_told_of_uneven_rows_is_their_spacing(tmp_path: Path) -> None:
     rows = np.arange(1000)
     assert np.std(t - np.polyval(np.polyfit(rows, t, 1), rows)) > 1.0
     (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": t})
-    line = "a.npz: rows are 2 ms apart, with a spread of 0.28 ms rms; each is used at its own time."
+    line = "a.npz: rows are 2 ms apart, with a spread of 0.28 ms rms; each row is used at its own time."
     assert line in log.remarks
 
 
@@ -236,15 +236,18 @@ def test_an_uneven_spacing_of_rows_is_told_from_a_twentieth_of_a_period_of_jitte
     for share, told in ((0.045, False), (0.06, True)):
         (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": COLUMNS["ms"] + share * noise})
         said = [line for line in log.remarks if "apart" in line]
-        line = "a.npz: rows are 1 ms apart, with a spread of 0.085 ms rms; each is used at its own time."
+        line = "a.npz: rows are 1 ms apart, with a spread of 0.085 ms rms; each row is used at its own time."
         assert said == [line] * told
 
 
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
-        ({**COLUMNS, "ms": np.zeros(1000)}, "ms: never changes: expected a moving t"),
-        ({**COLUMNS, "counts": np.full(1000, 7.0)}, "counts: never changes: expected a moving theta"),
+        ({**COLUMNS, "ms": np.zeros(1000)}, "ms: never changes: expected changing values of t"),
+        (
+            {**COLUMNS, "counts": np.full(1000, 7.0)},
+            "counts: never changes: expected changing values of theta",
+        ),
         ({key: x[:99] for key, x in COLUMNS.items()}, "99 rows: expected 100 or more"),
         (
             {key: x for key, x in COLUMNS.items() if key != "ms"},
@@ -328,8 +331,8 @@ def test_an_angle_slips_where_it_jumps_by_ten_times_the_rows_around(jump: float,
     assert (
         remarks
         == [
-            f"a: row 301: the angle jumps by {degrees:.2g} deg: the index has slipped, or counts are lost; "
-            "what follows is left out."
+            f"a: row 301: the angle jumps by {degrees:.2g} deg: the encoder's index has slipped, or counts "
+            "are lost; the rows after it are left out."
         ]
         * slips
     )
@@ -349,7 +352,7 @@ def test_rows_that_repeat_are_told_from_a_fifth_on(share: float, told: bool) -> 
     theta = np.concatenate(([0.0], np.cumsum(moved)))
     remarks: list[str] = []
     logging._repeats("a", {"theta": theta, "i_q": theta}, 0.1, remarks)
-    expected = "a: 21 % of the rows repeat the one before: the log is faster than the drive."
+    expected = "a: 21 % of the rows repeat the row before: the log has more rows than the drive has samples."
     assert remarks == [expected] * told
     logging._repeats("a", {"theta": theta, "i_q": theta}, 1.0, slow := [])  # a count lasts longer than a row
     logging._repeats("a", {"theta": theta, "i_q": np.arange(1001.0)}, 0.1, slow)  # a new current in each row

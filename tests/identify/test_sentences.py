@@ -212,7 +212,7 @@ def test_orders_that_no_log_shows_are_named_with_the_speed_at_which_one_would(kn
     (line,) = left
     assert (
         line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed. A motor of 4 pole pairs "
-        "may cog at order 48, too, which needs 1.5 rev/s."
+        "may also cog at order 48. To see this order needs 1.5 rev/s."
     )
     just = 80 * 6.25 / 48  # what is advised has a tenth to spare
     assert isinstance(line, Advice) and line.cures[0]["record.speed"] == pytest.approx(0.9 * just)
@@ -299,7 +299,7 @@ def test_a_rotor_that_stands_still_without_slipping_should_turn_faster(known: Id
         else:
             assert found == [
                 f"one.csv: the rotor stands still {said} of the time, where friction is not known; "
-                "turn faster, or with more feedback."
+                "turn faster, or with higher feedback gains."
             ]
 
 
@@ -314,7 +314,7 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
     rest = "of the time, where friction is not known"
     assert findings._sticks(known, log(theta=slips)) == (
         f"{still} 77 % {rest}: the rotor sticks and slips at 20 rev/s; record at this speed or faster, with "
-        "1500 rows a second or more, or with more feedback."
+        "1500 rows a second or more, or with higher feedback gains."
     )
     slow = findings._sticks(known, log(theta=slips / 10))
     assert slow is not None and "slips at 2 rev/s; record at this speed or faster, with 1000 rows" in slow
@@ -323,7 +323,7 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
         assert said is not None and ("the rotor sticks" in said) == sticks
     counts = 2.0**-10 * (np.arange(2000) // 20)
     assert findings._sticks(known, log(theta=counts)) == (
-        f"{still} 100 % {rest}; turn faster, or with more feedback."
+        f"{still} 100 % {rest}; turn faster, or with higher feedback gains."
     )
     assert findings._sticks(known, log(theta=2 * counts)) is None
 
@@ -502,9 +502,12 @@ def test_an_order_falls_or_grows_with_speed() -> None:
             [order_at(6, TURN), order_at(6, fast * TURN, ripple=ripple, share=share)]
         )
 
-    assert said(2.0, 0.5 / 2**0.6) == ["Order 6 falls from 1 to 2 rev/s: a torque makes it, not the encoder."]
+    assert said(2.0, 0.5 / 2**0.6) == [
+        "The ripple of order 6 falls between 1 and 2 rev/s: a torque causes it, not the encoder."
+    ]
     assert said(2.0, 0.5 * 2**0.6) == [
-        "Order 6 grows from 1 to 2 rev/s: the encoder's error, or a torque whose ripple the controller "
+        "The ripple of order 6 grows between 1 and 2 rev/s: the encoder's error, or a torque whose ripple "
+        "the controller "
         "reduces at low speed; record i_q."
     ]
     assert said(2.0, 0.5 / 2**0.4) == said(2.0, 0.5 * 2**0.4) == []
@@ -648,7 +651,8 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
     assert diagnosis._without([poor]) == [
         "one.csv: no angle: orders are from the integral of the speed, and have no place on the rotor; "
         "record the encoder's angle as theta.",
-        "one.csv: no current: it shows how an order changes with the speed, but not which cause the order "
+        "one.csv: no current: the log shows how an order changes with the speed, but not which cause the "
+        "order "
         "has; record i_q.",
     ]
 
@@ -658,7 +662,7 @@ def test_every_log_without_a_steady_part_says_what_it_is_used_for() -> None:
     assert diagnosis._uses(logs, {"one.csv"}, set()) == {
         "still.csv": "the rotor is held: used for the cogging",
         "off.csv": "the bridge is off: used for the offsets of the phase currents",
-        "poor.csv": "no turn at a steady speed, and no torques: not used",
+        "poor.csv": "no turn at a steady speed, and no known torques: not used",
     }
     assert diagnosis._uses(logs[:1], set(), {"one.csv"}) == {
         "one.csv": "no turn at a steady speed: used for inertia, friction and orders, not for shares"
@@ -876,7 +880,7 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
             [100 * share / whole for share in shares.values()], abs=0.006
         )
     assert cells(page)[len(drawn) :] == [
-        ["Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence"],
+        ["Log", "order", "speed", "load", "ripple, rms", "share of the square", "causes", "confidence"],
         [
             slow.log,
             "24",
@@ -895,7 +899,7 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     page = diagnosed.render(more)
     says = (
         "the logged speed ripples by 1 rad/s rms; "
-        "69 % of the square of this are steps and noise of the measurement"
+        "69 % of its square come from steps and noise of the measurement"
     )
     assert f"<li>{slow.log}: 0.559 rad/s rms, {says}<" in page
     assert "<li>a: holds the rotor</li>" in page
@@ -943,7 +947,7 @@ def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
         ("time", "omega_measured"), ("s", "rad/s"), np.column_stack([fine, 5 + 0.5 * np.sin(TURN * fine)])
     )
     page = identified._overlay(measured, trace, "omega", "omega_measured")
-    title = "one.csv: omega (rad/s), 1 s; standard deviation simulated over measured 0.50"
+    title = "one.csv: omega (rad/s), 1 s; standard deviation, simulated / measured: 0.50"
     assert f"<header>{title}</header>" in page and f'aria-label="{title}"' in page
     lines = curves(page)
     assert [colour for colour, _ in lines] == ["c0", "c2"]
@@ -974,6 +978,6 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
     head, one, two = cells(page.split("What each log contributed")[1])
     assert head == ["Log", "kind", "rows", "not explained, rms", "error if predicted from the other logs"]
     miss = f"{1e3 * 0.05 * np.std(x):.2g}"
-    assert one[:3] == ["one.csv", "not said", "2000"] and one[3].startswith(miss[:1])
+    assert one[:3] == ["one.csv", "not given", "2000"] and one[3].startswith(miss[:1])
     assert (one[4], two[4]) == ("10 % of its current", "9.1 % of its current")
     assert two[:3] == ["two.csv", "load", "2000"]

@@ -276,7 +276,7 @@ def test_another_motor_gives_the_numbers_of_set(own, shown, tmp_path):
     assert mine.controller == other.controller
     shown.run("cogless.set('motor.inductance_line_to_line', 0.04)")  # 1.06 ohm: 38 us
     assert sets_of(shown) == sets
-    told = "with 0.04, L / R is 0.0377 ms: this page has 0.103 ms to 12.3 ms. The value stays at 0.42."
+    told = "with 0.04, L / R is 0.0377 ms: this page allows 0.103 ms to 12.3 ms. The value stays at 0.42."
     assert shown.run("return document.querySelector('.told .bounds').textContent") == told
 
 

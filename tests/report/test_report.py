@@ -297,7 +297,7 @@ def test_verdict_leads_with_the_whole_ripple(made):
     assert (
         "In the strongest order, 6 (electrical): PI-ILC 0.461 rpm, PI re-tuned 1.90 rpm and PI as" in details
     )
-    assert "3.29 times less than the best without learning, PI re-tuned (5.17 rpm)" in details
+    assert "3.29 times less than the best controller without learning, PI re-tuned (5.17 rpm)" in details
     assert step.tone == "even"  # the winner there doesn't learn
     assert "PI re-tuned doesn't learn; the best controller that learns is PI-ILC" in " ".join(step.details)
     assert "PI as published and PI re-tuned never settled (metric: settling)." in step.details
@@ -958,7 +958,7 @@ def test_page_of_short_runs(made, rows):
         return Run(run.scenario, run.controller, short(run.trace, rows), run.memory, {})
 
     page = render(Results(made.study, [one(run) for run in made.runs]))
-    assert "Nothing to judge by" in page
+    assert "No controller can be judged" in page
 
 
 def spoilt(run, value, since):

@@ -501,7 +501,9 @@ def test_a_revolution_lacks_two_rows_at_most(rows, whole):
     assert (order_charts.order_spectrum(theta, np.cos(theta), 4, pole_pairs=1) is not None) == whole
 
 
-@pytest.mark.parametrize(("turned", "why"), [(0.99, "it was frozen all the time"), (1.01, "of its period")])
+@pytest.mark.parametrize(
+    ("turned", "why"), [(0.99, "its learning was frozen all the time"), (1.01, "of its period")]
+)
 def test_learning_shows_once_the_rotor_has_turned_by_a_cell(monkeypatch, turned, why):
     """Of the ten in a quarter of a revolution. Then its period is looked at, in all of the hundred rows."""
     law = PiIlc.model_construct(memory="map", cells=10, gain=1.0)

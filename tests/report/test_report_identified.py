@@ -37,9 +37,9 @@ def test_a_replay_of_many_rows_is_drawn_with_fewer_points():
         assert line[:, 0] == pytest.approx(np.linspace(svg.LEFT_EDGE, right, 1001)[:-1], abs=0.06)
         high = svg.LOW_EDGE - svg.TOP_EDGE
         assert line[:, 1] == pytest.approx(svg.LOW_EDGE - high * x[::3], abs=0.06)
-    assert "one.csv: i_q (A), 1 s; standard deviation simulated over measured 1.00" in page
+    assert "one.csv: i_q (A), 1 s; standard deviation, simulated / measured: 1.00" in page
     still = identified._overlay(log_of(20, 0.1, i_q=0.0), trace_of(20, 0.1, i_q=np.zeros(20)), "i_q", "i_q")
-    assert "simulated over measured nan" in still
+    assert "simulated / measured: nan" in still
     assert {y for _, line in curves(still) for y in line[:, 1]} == {svg.LOW_EDGE}
     assert [len(line) for _, line in curves(still)] == [10, 10]
 
@@ -71,7 +71,7 @@ def test_a_session_has_its_friction_and_its_offset_as_far_as_they_are_told(monke
     assert [re.findall(r"<t[hd]>(.*?)</t[hd]>", row) for row in rows] == [
         ["Session", "logs", "friction over K_t", "offset of i_q"],
         ["a &lt;b&gt;", "one.csv, two.csv", "0.25 +- 0.01 A", "-0.13 +- 0.02 A"],
-        ["b", "x", "not told", "not told"],
+        ["b", "x", "not known", "not known"],
     ]
     monkeypatch.setattr(identified, "sessions", lambda made: ())
     assert identified._sessions(None) == ""

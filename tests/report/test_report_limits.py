@@ -65,7 +65,7 @@ def told(results, *arguments, **keys):
 def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results):
     with_them = replace(results, limits={"turn": limits([("sensor-steps", 1.0)])})
     (verdict,) = verdicts(with_them)
-    left = "further runs left 1.00 rpm without the position sensor's steps"
+    left = "simulated again, it left 1.00 rpm without the position sensor's steps"
     sentence = f"What limits “PI, high”, which leaves 10.0 rpm: {left}."
     assert verdict.details[0] == sentence and sentence not in verdicts(results)[0].details
     page = render(with_them)
@@ -81,7 +81,8 @@ def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results
         ([("sensor-steps", 3.0), ("sensor-error", 3.0)], "without the position sensor's steps and 3.00 rpm"),
         (
             [("disturbance", 1.0), ("learning-time", 1.5)],
-            "What limits “PI, high”, which leaves 10.0 rpm: further runs left 1.50 rpm in a longer run.",
+            "What limits “PI, high”, which leaves 10.0 rpm: simulated again, it left 1.50 rpm in a longer "
+            "run.",
         ),
         ([("disturbance", 1.0), ("delay", 8.0)], "1.00 rpm without any torque ripple"),
     ],
@@ -94,7 +95,8 @@ def test_causes_with_a_clear_share_are_named(results, causes, words):
 def test_two_causes_of_which_each_covers_the_other_are_named_as_a_pair(results):
     pair = [("sensor-steps + disturbance", 2.0), ("delay", 9.4), ("sensor-steps + delay", 9.0)]
     assert told(results, pair) == (
-        "What limits “PI, high”, which leaves 10.0 rpm: further runs left 2.00 rpm both without the position "
+        "What limits “PI, high”, which leaves 10.0 rpm: simulated again, it left 2.00 rpm both without the "
+        "position "
         "sensor's steps and without any torque ripple."
     )
 
@@ -233,5 +235,5 @@ def test_the_sensors_share_is_told_once_where_a_run_has_measured_it(tmp_path):
     text = TEXT.replace("bits = 10, window = 4", 'bits = 20, window = 4, eccentricity = "3 deg"')
     eccentric = run_study(load(studies.write(tmp_path, text)), ["*/pi"])
     (alone,), (both,) = verdicts(eccentric), verdicts(with_limits(eccentric))
-    said = [any("its share of the square" in sentence for sentence in v.details) for v in (alone, both)]
+    said = [any("its share of the mean square" in sentence for sentence in v.details) for v in (alone, both)]
     assert said == [True, False] and "the position sensor's own error" in both.details[0]

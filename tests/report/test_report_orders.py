@@ -203,7 +203,7 @@ def test_jitter_and_torque_ripple_are_those_of_the_rows_at_the_end(made):
     assert list(found) == [
         "speed ripple, rms", "speed ripple as measured, rms", "torque ripple, (max \u2212 min) / (max + min)"
     ]  # fmt: skip
-    assert "Over the last part of the run, from 8 to 10 s. Jitter is about the mean." in text
+    assert "Over the last part of the run, from 8 to 10 s. Jitter is the deviation from the mean." in text
     assert found["torque ripple, (max \u2212 min) / (max + min)"] == ["0.250"] * 3
     rows = tables.late(results, runs[0])
     expected = np.std(runs[0].trace["omega_error"][rows]) / RPM

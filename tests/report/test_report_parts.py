@@ -97,4 +97,4 @@ def test_gains_that_a_law_lacks_have_a_dash():
     assert (filtered["K_3"], filtered["learned signal into"]) == ("0.125", "input and integrator")
     assert (filtered["Q filter b"], filtered["Q filter a"]) == ("0.5, 0.5", "1")
     assert filtered["Q filter acts on"] == "the learned signal"
-    assert filtered["K_3 from"] == "given, or by frequency"
+    assert filtered["K_3 from"] == "given, or chosen by frequency"

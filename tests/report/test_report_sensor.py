@@ -186,7 +186,7 @@ def test_where_it_dominates_some_the_true_error_decides(ripples):
     found = verdicts(with_sensor(ripples, {"pi-ilc": 0.98, "pi": 0.01, "fair-pi": 0.01}))[0]
     assert found.headline.startswith("At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less")
     assert found.details[0].endswith(
-        "its share of the square): PI-ILC 1.57 rpm (100 %). The measured values show: PI-ILC 0.0314 rpm."
+        "its share of the mean square): PI-ILC 1.57 rpm (100 %). The measured values show: PI-ILC 0.0314 rpm."
     )
 
 

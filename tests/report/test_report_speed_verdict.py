@@ -251,7 +251,7 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
     ("given", "said"),
     [
         ({"pi": 3, "fair": 2, "ilc": 1},
-            f"{ILC} has 2.00 times less than the best without learning, {FAIR} (2.00 rpm)."),
+            f"{ILC} has 2.00 times less than the best controller without learning, {FAIR} (2.00 rpm)."),
         ({"pi": 3, "fair": 1, "ilc": 2},
             f"{FAIR} doesn't learn; the best controller that learns is {ILC} with 2.00 rpm."),
         ({"pi": 3, "fair": 1, "ilc": 1.04}, ""),  # they tie
@@ -383,7 +383,7 @@ def test_what_a_sensor_adds_of_its_own_is_told_where_it_is_most(study):
     assert room._by_what_is_seen(whole, Sensor(seen, dict.fromkeys(true.values, 0.5)), None) == (whole, "")
     one = {"pi": 0.5, "pi-ilc": 0.84, "fair-pi": 0.0}
     own = "Most of the true speed ripple comes from the sensor's own error, which no law can see"
-    own += " (in brackets: its share of the square)"
+    own += " (in brackets: its share of the mean square)"
     assert room._by_what_is_seen(whole, Sensor(seen, one), None) == (
         whole,
         f"{own}: {ILC} 1.00 rpm (84 %). The measured values show: {ILC} 0.400 rpm.",

@@ -289,15 +289,15 @@ def test_the_answer_is_told_line_by_line(tmp_path: Path) -> None:
     worst = int(np.argmax(sweep.values[:, 0, 0]))
     all_keep = "low: Ripple keeps its limit in this share of 100 variants: pi-ilc 100 % and pi 75.0 %."
     of_pi = (
-        "    pi: 75.0 % keep it (95 % confidence: 65.7 % to 82.5 %); half at 2.00 rpm or better, 95 % at "
+        "    pi: 75.0 % keep the limit (95 % confidence: 65.7 % to 82.5 %); half at 2.00 rpm or better, 95 % "
+        "at "
         f"3.80 rpm; worst 4.00 rpm (variant {worst})"
     )
     rest = f"half at 1.00 rpm or better, 95 % at 1.90 rpm; worst 2.00 rpm (variant {worst})"
     told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
     assert told[:3] == [all_keep, "  ripple, at most 3.00 rpm", of_pi] and len(told) == 4
-    assert told[3].startswith("    pi-ilc: 100 % keep it (95 % confidence: 96.3 % to ") and told[3].endswith(
-        rest
-    )
+    kept = "    pi-ilc: 100 % keep the limit (95 % confidence: 96.3 % to "
+    assert told[3].startswith(kept) and told[3].endswith(rest)
     broken = replace(sweep, errors={(3, 0): "no", (4, 1): "no"})
     more = report.write(broken, tmp_path / "report.html", lambda settings, pair: "")
     assert more == [*told, "  2 runs failed; sweep.parquet has their errors."]

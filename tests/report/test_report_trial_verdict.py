@@ -17,6 +17,7 @@ from cogless.report.trial_case import case
 room = import_module("cogless.report.trial_verdict")  # its package has a function of this name
 ILC, INPUT = "“ILC, Fig. 1”", "ILC into the input"
 START = "from the start"
+PHI = "the matrix Φ of trial and learning together has a pole outside the unit circle"
 LOAD, SECOND = "after the load change (trial 21)", "after the load change (trial 41)"
 
 
@@ -90,8 +91,8 @@ def test_how_soon_the_floor_is_reached(of, counts, said, short):
 @pytest.mark.parametrize(
     ("mine", "best", "said", "where"),
     [
-        ([5, 20, 9], [3, 3, 8], f"takes 20 trials {LOAD}, against 3", 1),
-        ([9, 20, 9], [3, 19, 8], f"takes 9 trials {START}, against 3", 0),  # where most differ
+        ([5, 20, 9], [3, 3, 8], f"takes 20 trials to the floor {LOAD}, against 3", 1),
+        ([9, 20, 9], [3, 19, 8], f"takes 9 trials to the floor {START}, against 3", 0),  # where most differ
         ([3, 2, 3], [3, 3, 3], "", None),
         ([inf, 2, inf], [3, 3, 3], f"never reaches the floor {START} and {SECOND}", 0),
         ([inf, inf, 2], [inf, 3, 3], f"never reaches the floor {LOAD}, where {ILC} does", 1),
@@ -106,14 +107,20 @@ def test_how_much_slower_another_is(of, mine, best, said, where):
 @pytest.mark.parametrize(
     ("mine", "rms", "said"),
     [
-        ([3, 5], 3.0, f"{INPUT} takes 5 trials {LOAD}, against 3; its first trial there is 1.50 times worse"),
+        (
+            [3, 5],
+            3.0,
+            f"{INPUT} takes 5 trials to the floor {LOAD}, against 3; its first trial there is 1.50 times "
+            "worse",
+        ),
         (
             [5, 3],
             3.0,
-            f"{INPUT} takes 5 trials {START}, against 3; its first trial {LOAD} is 1.50 times worse",
+            f"{INPUT} takes 5 trials to the floor {START}, against 3; its first trial {LOAD} is 1.50 times "
+            "worse",
         ),
         ([3, 3], 3.0, f"With {INPUT} the first trial {LOAD} is 1.50 times worse"),
-        ([3, 5], 2.9, f"{INPUT} takes 5 trials {LOAD}, against 3."),
+        ([3, 5], 2.9, f"{INPUT} takes 5 trials to the floor {LOAD}, against 3."),
         ([3, 3], 2.9, ""),
     ],
 )
@@ -268,8 +275,8 @@ def learning(**values):
             1 + 2 * GROWTH_ROUNDING,
             "from the trial's ends the error may grow by the factor 1 + 2.0e-04",
         ),
-        (1 + FACTOR_ROUNDING, 1 + GROWTH_ROUNDING, "Φ has a pole outside the unit circle"),
-        (1 + FACTOR_ROUNDING, None, "Φ has a pole outside the unit circle"),
+        (1 + FACTOR_ROUNDING, 1 + GROWTH_ROUNDING, PHI),
+        (1 + FACTOR_ROUNDING, None, PHI),
     ],
 )
 def test_a_factor_grows_if_it_is_above_one_by_more_than_rounding(norm, growth, why):

@@ -107,7 +107,7 @@ def test_gains_have_their_names_and_units(made):
         "Q filter b": ["–", ", ".join(f"{x:.6g}" for x in ilc.q_filter.b), "–"],  # noqa: RUF001
         "Q filter a": ["–", ", ".join(f"{x:.6g}" for x in ilc.q_filter.a), "–"],  # noqa: RUF001
         "Q filter acts on": ["–", "the error", "–"],  # noqa: RUF001
-        "K_3 from": ["–", *["given, or by frequency"] * 2],  # noqa: RUF001
+        "K_3 from": ["–", *["given, or chosen by frequency"] * 2],  # noqa: RUF001
     }
 
 
@@ -122,7 +122,8 @@ def test_verdict_names_the_quickest_and_where_the_others_are_behind(made):
     )
     details = " ".join(verdict.details)
     assert (
-        "ILC into the input takes 17 trials after the load change (trial 21), against 3; its first trial "
+        "ILC into the input takes 17 trials to the floor after the load change (trial 21), against 3; its "
+        "first trial "
         f"there is 4.98 times worse than with {ILC} (30.0 mrad against 6.02 mrad)." in details
     )
     assert (
@@ -143,9 +144,10 @@ def test_a_first_trial_is_told_only_where_it_is_clearly_worse_and_learned(study)
         rms[20] *= times
         return alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
 
-    assert input_with(1.4) == "ILC into the input takes 4 trials from the start, against 3."
+    assert input_with(1.4) == "ILC into the input takes 4 trials to the floor from the start, against 3."
     assert input_with(1.6) == (
-        "ILC into the input takes 4 trials from the start, against 3; its first trial after the load change "
+        "ILC into the input takes 4 trials to the floor from the start, against 3; its first trial after the "
+        "load change "
         f"(trial 21) is 1.60 times worse than with {ILC} (4.87 mrad against 3.04 mrad)."
     )
     details = alone(study, {"ilc": falls(3.0), "none": 2 * STAYS}).details
@@ -331,7 +333,7 @@ def test_verdict_tells_what_the_certificate_says(made):
     ("growth", "why"),
     [
         (1.5, "from the trial's ends the error may grow by the factor 1.50 from one trial to the next"),
-        (0.9, "Φ has a pole outside the unit circle"),
+        (0.9, "the matrix Φ of trial and learning together has a pole outside the unit circle"),
     ],
 )
 def test_a_certificate_may_fail_though_no_frequency_grows(made, growth, why):
@@ -642,7 +644,7 @@ def test_page_without_designs_or_runs(study):
     one = render(replace(both, runs=both.runs[:1]))
     assert "Numbers of move" in one
     empty = render(TrialResults(study, [], interrupted=True))
-    assert "Interrupted" in empty and "Nothing to judge by" in empty
+    assert "Interrupted" in empty and "No controller can be judged" in empty
     assert data_of(empty)["scenarios"] == []
 
 

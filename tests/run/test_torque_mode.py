@@ -131,6 +131,10 @@ def test_no_speed_is_said_to_be_lost_where_an_outer_loop_s_current_acts(tmp_path
     results = run_study(changed(given, {"metric": [metric], "mechanics.coulomb_friction": "5 mN*m"}))
     (line,) = compare(results, "run")
     assert not line.missed
-    assert line.unjudged == ("" if judged else "an outer loop sets the current there, so no speed is held")
+    assert line.unjudged == (
+        "" if judged else "an outer loop sets the current in this scenario, so no speed is held"
+    )
     (verdict,) = verdicts(results)
-    assert ("no speed is judged: an outer loop sets the current there" in verdict.headline) is not judged
+    assert (
+        "no speed is judged: an outer loop sets the current in this scenario" in verdict.headline
+    ) is not judged

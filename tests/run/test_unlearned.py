@@ -130,7 +130,7 @@ def test_frozen_all_the_time(made):
     data = run.trace.data.copy()
     data[:, run.trace.names.index("status")] = 4
     frozen = replace(run, trace=replace(run.trace, data=data))
-    assert unlearned(made, frozen) == "it was frozen all the time"
+    assert unlearned(made, frozen) == "its learning was frozen all the time"
     data[-500:, run.trace.names.index("status")] = 0
     late = replace(run, trace=replace(run.trace, data=data))
     assert unlearned(made, late) == "learning lasts 0.5 s, which is 0.083 of the law's learning period of 6 s"

@@ -129,7 +129,7 @@ def back_emf_warning(study: Study, name: str) -> Remark | None:
     alone = f"without it the margin is {math.degrees(plain):.0f} deg"
     sentence = f"with the motor's back-EMF its loop {margins}; {alone}"
     if study.drive.current_loop.decoupling:
-        sentence += ". The decoupling does not prevent this, since it uses a late speed"
+        sentence += ". The decoupling does not prevent this, since the speed that it uses comes late"
 
     def cured(other: Study) -> bool:
         return other.once(_margins, name)[1] >= PHASE_MARGIN_LEAST

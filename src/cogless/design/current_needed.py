@@ -140,11 +140,12 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
     bound = f"current_limit is {limit:.3g} A"
     if drive.current_reference is not None:
         bound = (
-            f"the limits of current and voltage there allow {limit:.3g} A, as q-axis current of the "
+            f"at the top speed the limits of current and voltage allow {limit:.3g} A, as q-axis current of "
+            "the "
             "same torque"
         )
     if needs.mean > limit:
-        sentence = f"its motion and load need {needs.mean:.3g} A, but {bound}"
+        sentence = f"its motion and load need {needs.mean:.3g} A on average, but {bound}"
     else:
         sentence = f"an even speed needs up to {needs.most:.3g} A, but {bound}"
 

@@ -119,9 +119,9 @@ def map_warning(study: Study, name: str) -> Remark | None:
     if cells < WAVE_CELLS_LEAST:
         does = "too few for a map to hold the wave"
     elif law.q_half_width == 0:
-        does = f"the straight lines between cells lose {lost:.2g} % of the wave"
+        does = f"linear interpolation between cells loses {lost:.2g} % of the wave"
     else:
-        losing = f"the straight lines between cells and the Q filter over {width} cells"
+        losing = f"linear interpolation between cells and the Q filter over {width} cells"
         does = f"{losing} together lose {lost:.0f} % of the wave in each period"
     key = dotted(("controller", name))
     more: Changes = {f"{key}.cells": math.ceil(law.cells * enough / cells * (1 - CELL_ROUNDING))}

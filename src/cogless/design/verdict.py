@@ -470,7 +470,10 @@ def warnings(study: Study, name: str) -> list[Remark]:
         remarks.append(judged.remark())
     foreign = rules_of(study, name).unfit()
     if foreign:
-        stays = "what does not repeat in a period is learned only as far as it stays the same for a period"
+        stays = (
+            "a disturbance that does not repeat in each period is learned only as far as it changes little "
+            "from one period to the next"
+        )
         remarks.append(Remark(f"{foreign}: {stays}"))
     return remarks
 
@@ -487,7 +490,9 @@ def doubts(loops: Sequence[LearningLoop]) -> tuple[Remark, ...]:
     largest, where = max(swings, key=lambda pair: pair[0])
     if largest > STALLING_RATIO:
         speed = speed_text(where.study, where.omega_m)
-        remarks.append(Remark(f"at {speed} its feedback lets the speed swing by {100 * largest:.0f} % rms"))
+        remarks.append(
+            Remark(f"at {speed} the feedback alone lets the speed swing by {100 * largest:.0f} % rms")
+        )
     return tuple(remarks)
 
 

@@ -411,7 +411,8 @@ def shaft_notes(study: Study) -> list[str]:
     gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
     return [
         f"mechanics.load_side: the soft shaft has an antiresonance at {low:.4g} Hz and a resonance at "
-        f"{high:.4g} Hz; the margins include it{' with its gap closed' if gap else ''}, but the tuning rules "
+        f"{high:.4g} Hz; the margins include the shaft{' with its gap closed' if gap else ''}, but the "
+        "tuning rules "
         "take motor and load as one mass"
     ]
 
@@ -426,7 +427,7 @@ def _less_margin(study: Study, name: str) -> Remark | None:
         return None
     has, asked = math.degrees(margins.phase_margin), math.degrees(tuning.phase_margin)
     at = margins.crossover / TURN
-    margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
+    margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not the {asked:.3g} deg of its tuning rule"
     return Remark(f"with the soft shaft {margin}")
 
 

@@ -202,7 +202,7 @@ def _without(logs: Sequence[Log]) -> list[str]:
         if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
             remarks.append(
                 Advice(
-                    f"{log.name}: no current: it shows how an order changes with the speed, but "
+                    f"{log.name}: no current: the log shows how an order changes with the speed, but "
                     "not which cause the order has; record i_q.",
                     recording(signal="i_q", log=log.name),
                 )
@@ -225,7 +225,7 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
                 "no turn at a steady speed: used for inertia, friction and orders, not for shares"
             )
         else:
-            uses[log.name] = "no turn at a steady speed, and no torques: not used"
+            uses[log.name] = "no turn at a steady speed, and no known torques: not used"
     return uses
 
 
@@ -274,8 +274,7 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
             remarks.append(
                 Advice(
                     f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two "
-                    "rows, "
-                    f"which may appear as another order; record {rate:.3g} rows a second, or turn more "
+                    f"rows, so it may appear as another order; record {rate:.3g} rows a second, or turn more "
                     "slowly.",
                     recording(rate=rate),
                     recording(speed=abs(part.speed) / (part.log.dt * rate)),
@@ -375,7 +374,7 @@ def answer(diagnosis: Diagnosis) -> str:
     where = "1 log" if len(logs) == 1 else f"{len(shares)} of {len(logs)} logs"
     verdict = ", which cannot be told apart here" if OR in name else ""
     if name == BEYOND:
-        verdict = ", which the logs show as a slower wave"
+        verdict = "; the logs show it as a slower wave"
     return f"Most of the ripple is {name}{verdict}: {span} of the ripple's square in {where}."
 
 
@@ -416,8 +415,8 @@ def sizes(diagnosis: Diagnosis, log: str) -> str:
         says.append(f"of this the rotor's motion is {motion:.3g}, the rest is the encoder's error")
     if noise > LINE_SHARE_LEAST:
         says.append(
-            f"the logged speed ripples by {diagnosis.logged[log]:.3g} rad/s rms; {100 * noise:.0f} % of the "
-            "square of this are steps and noise of the measurement"
+            f"the logged speed ripples by {diagnosis.logged[log]:.3g} rad/s rms; {100 * noise:.0f} % of its "
+            "square come from steps and noise of the measurement"
         )
     return ", ".join(says)
 

@@ -407,7 +407,8 @@ def _start(logs: Sequence[Log], left_out: list[str]) -> Model:
         if all(findings.feedback(log) is not None for log in moving):
             left_out.append(
                 Advice(
-                    "All logs of a turning motor show the feedback law: the delay cannot be identified; "
+                    "In all logs of a turning motor i_q only follows the feedback law: the delay cannot be "
+                    "identified; "
                     "add an acceleration log.",
                     logs_of_kind("acceleration"),
                 )

@@ -142,7 +142,7 @@ def _sticks(identification: Identification, log: Log) -> str | None:
     )
     if np.count_nonzero(np.diff(still.astype(np.int8)) < 0) < SLIPS_LEAST:
         return Advice(
-            f"{beginning}; turn faster, or with more feedback.",
+            f"{beginning}; turn faster, or with higher feedback gains.",
             recording(kind="constant-speed", log=log.name),
         )
     turned = np.abs(log["theta"][SLIP_ROWS:] - log["theta"][:-SLIP_ROWS])
@@ -151,7 +151,7 @@ def _sticks(identification: Identification, log: Log) -> str | None:
     rate = _up(max(needed, 1 / log.dt))
     return Advice(
         f"{beginning}: the rotor sticks and slips at {slip:.2g} rev/s; record at this speed or faster, with "
-        f"{rate:.0f} rows a second or more, or with more feedback.",
+        f"{rate:.0f} rows a second or more, or with higher feedback gains.",
         recording(speed=TURN * slip, rate=rate, log=log.name),
     )
 
@@ -331,17 +331,17 @@ def _turned(
             left_out.append("Cogging is left out, since its place differs between the logs.")
             if abs(np.log(size)) > unsure:  # A slipped index would change the wave's phase, not its size.
                 return [
-                    f"{name}: order {strongest} is {size:.2g} times that of {first}, and turned by "
-                    f"{np.degrees(turn):.0f} deg. Cogging alone would be equal in all logs; the "
+                    f"{name}: order {strongest} is {size:.2g} times as large as in {first}, and its phase "
+                    f"differs by {np.degrees(turn):.0f} deg. Cogging alone would be equal in all logs; the "
                     "effect of an angle error grows with the speed, other effects may change with load "
                     "and temperature."
                 ]
             return [
                 Advice(
-                    f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
-                    f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has "
-                    "slipped, "
-                    "or the encoder counts from where it was switched on; find the index before each log.",
+                    f"{name}: the phase of order {strongest} differs by {np.degrees(turn):.0f} deg from "
+                    f"{first}, which is {np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: "
+                    "the encoder's index has slipped, or the encoder counts from where it was switched on; "
+                    "find the index before each log.",
                     recording(index=True, log=name),
                 )
             ]
@@ -477,7 +477,8 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
     return [
         Advice(
             f"{log.name}: orders are seen up to {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest "
-            f"speed. A motor of {poles} pole pairs may cog at order {order}, too, which needs {needs}.",
+            f"speed. A motor of {poles} pole pairs may also cog at order {order}. To see this order needs "
+            f"{needs}.",
             *cures,
         )
     ]

@@ -53,7 +53,7 @@ HEADINGS_COMPARED = 1000  # headings of a file that are compared with a missing 
 HEADINGS_SHOWN = 12  # headings that a message shows if none is like the missing heading
 NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading is named
 SPREAD_LEAST = 0.07  # rms spread of the time between rows, in periods, above which a remark reports it
-OWN_TIMES = "each is used at its own time"
+OWN_TIMES = "each row is used at its own time"
 EVEN_ROWS = "the times are taken as rounded, and the rows as evenly spaced"
 REPEATED_SHARE = 0.2  # share of rows that repeat the row before, above which a remark reports it
 
@@ -131,7 +131,8 @@ def _parts(path: Path, log: LogColumns, identification: Identification) -> Itera
     if np.isnan(values).any():
         row = np.flatnonzero(np.isnan(values))[0] + 1
         raise StudyError(
-            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of a part"
+            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of a "
+            "part of the file"
         )
     parts = np.unique(values)
     if len(parts) > FILE_LOGS_MOST:
@@ -252,7 +253,8 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
         still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
         if still and not np.any(signals[signal] != signals[signal][0]):
             raise StudyError(
-                f"{where}: {identification.columns[signal].name}: never changes: expected a moving {signal}"
+                f"{where}: {identification.columns[signal].name}: never changes: expected changing values of "
+                f"{signal}"
             )
     if signals.keys() <= {"t"}:
         raise StudyError(
@@ -390,7 +392,8 @@ def _without_bursts(name: str, t: Array, signals: Columns, remarks: list[str]) -
     if np.std(arrival - lost - slope * last) > UNEVEN_SHARE * slope * np.median(sizes):
         return t
     remarks.append(
-        f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as packets give; they "
+        f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as when sent in packets; "
+        "they "
         f"are taken as evenly spaced, {1e3 * slope:.4g} ms apart."
     )
     return np.asarray(start + slope * np.arange(len(t)) + np.repeat(lost, np.diff(first, append=len(t))))
@@ -449,7 +452,7 @@ def _timed(
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
                 raise AdvisedError(
                     Advice(
-                        f"{jumps}; read as degrees it would not: expected {lines}",
+                        f"{jumps}; with the unit deg it does not jump: expected {lines}",
                         cure,
                     )
                 )
@@ -695,8 +698,8 @@ def _repeats(name: str, signals: Columns, step: float, remarks: list[str]) -> No
     )
     if np.mean(same) > REPEATED_SHARE:
         remarks.append(
-            f"{name}: {100 * np.mean(same):.0f} % of the rows repeat the one before: "
-            "the log is faster than the drive."
+            f"{name}: {100 * np.mean(same):.0f} % of the rows repeat the row before: the log has more rows "
+            "than the drive has samples."
         )
 
 
@@ -712,7 +715,7 @@ def _slip(name: str, theta: Array, step: float, ends: NDArray[np.int_], remarks:
         return len(theta)
     at, size = int(jumps[0]) + 1, np.degrees(moved[jumps[0]])
     remarks.append(
-        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are "
-        "lost; what follows is left out."
+        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the encoder's index has slipped, or "
+        "counts are lost; the rows after it are left out."
     )
     return at

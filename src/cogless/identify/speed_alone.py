@@ -33,9 +33,9 @@ def sentences(orders: Sequence[OrderCauses]) -> list[str]:
         if fast < SPEED_RATIO_LEAST * slow:
             continue
         power = math.log(sizes[fast] / sizes[slow]) / math.log(fast / slow)
-        at = f"Order {order} {{0}} from {slow / TURN:.3g} to {fast / TURN:.3g} rev/s"
+        at = f"The ripple of order {order} {{0}} between {slow / TURN:.3g} and {fast / TURN:.3g} rev/s"
         if power < -SPEED_EXPONENT:
-            remarks.append(at.format("falls") + ": a torque makes it, not the encoder.")
+            remarks.append(at.format("falls") + ": a torque causes it, not the encoder.")
         elif power > SPEED_EXPONENT:
             remarks.append(
                 Advice(

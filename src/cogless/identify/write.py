@@ -26,8 +26,8 @@ VALUE_NAMES = {
     "c_hold": ("friction at rest over K_t", "A", "", "N*m"),
     "b": ("viscous friction over K_t", "A*s/rad", "viscous_friction", "N*m*s/rad"),
     "delay": ("delay of i_q after the angle", "s", "", ""),
-    "stribeck": ("friction more at rest, over K_t", "A", "", "N*m"),
-    "stribeck_speed": ("speed over which it falls", "rad/s", "", ""),
+    "stribeck": ("additional friction at rest, over K_t", "A", "", "N*m"),
+    "stribeck_speed": ("speed over which this friction falls", "rad/s", "", ""),
     "offset": ("offset of i_q, or a load", "A", "", ""),
 }
 

@@ -59,7 +59,8 @@ HIDDEN_PACE = (
 )
 RAMPS_NOTE = (
     "Amplitude of the carriage's displacement that each order of the electrical revolution causes in the "
-    "ramps. The ripple with the correction is computed from the ramps with the probe. Noise and the error of "
+    "ramps. The ripple with the correction is computed from the ramps with the probe, a known change of the "
+    "driver's correction. Noise and the error of "
     "the model hide a ripple below the dotted line. A ramp passes a resonance quickly, so the peak is too "
     "low: at a constant speed there, the ripple is a few times larger."
 )
@@ -382,7 +383,8 @@ def other_causes(axis: Axis, run: Run, start: float, modes: tuple[float, ...]) -
     if modes:
         names = " and ".join(f"{f:.0f}" for f in modes)
         remarks.append(
-            f"The carriage rings {run.direction} at {names} Hz at all speeds: no order of the motor does."
+            f"The carriage rings {run.direction} at {names} Hz at all speeds, so no order of the motor is "
+            "the cause."
         )
     way, doubt = tooth_way(run, start, ramp(axis), axis)
     if way > doubt:

@@ -100,8 +100,9 @@ DRAWN_MAGNITUDE_LEAST = 1e-4  # smaller magnitudes are drawn as this
 SENSITIVITY_NOTE = (
     "The share of a disturbance that is left in the speed at each frequency, by the linear model of cogless "
     "design at the scenario's fastest speed. Above 0 dB the controller makes this frequency worse. Full "
-    "curves: learning has settled, for what repeats with the angle. Fainter curves: learning off. Faintest "
-    "curves: with learning, midway between two repeating frequencies; learning amplifies what is there."
+    "curves: a disturbance that repeats with the angle, after learning has settled. Fainter curves: learning "
+    "off. Faintest curves: with learning, a disturbance midway between two repeating frequencies, which "
+    "learning amplifies."
 )
 
 
@@ -314,11 +315,11 @@ def _foreseen_words(grows: str | None) -> str:
 CRITERION_POINTS = 600  # frequencies of a curve
 
 CRITERION_NOTE = (
-    "The factor by which a period of learning changes what was learned, at each frequency, by the model of "
-    "cogless design: below one it settles, above one it grows. Full curves: at the scenario's fastest speed. "
-    "Faint curves: at the slowest speed that is judged. Both are without acceleration. An upright line marks "
-    "a frequency that grew in the run: the q current has more of it late in learning than when learning "
-    "began. A trace shows frequencies up to half its rate."
+    "The factor by which each period of learning changes what was learned, at each frequency, by the model "
+    "of cogless design. Below one, learning settles; above one, what was learned grows. Full curves: "
+    "at the scenario's fastest speed. Faint curves: at the slowest speed that is judged. All curves are for "
+    "constant speed. An upright line marks a frequency that grew in the run: the q current has more of it "
+    "late in learning than when learning began. A trace shows frequencies up to half its rate."
 )
 
 

@@ -61,7 +61,7 @@ def _reason_in_rows(results: Results, run: Run, rows: slice) -> str | None:
         end = float(trace.time[-1])
         why = starts_too_late(law, end) or never(study, run.scenario, name)
         why = why or too_short(law, revolutions, theta, end, speed)
-        return why or "it was frozen all the time"
+        return why or "its learning was frozen all the time"
     since = int(np.argmax(learning))
     time = float(trace.time[-1] - trace.time[since]) + trace.period
     return too_short(law, revolutions, theta[since:], time, speed[since:])
@@ -70,7 +70,7 @@ def _reason_in_rows(results: Results, run: Run, rows: slice) -> str | None:
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, which would count as ripple"
-TORQUE_NOTE = "an outer loop sets the current there, so no speed is held"
+TORQUE_NOTE = "an outer loop sets the current in this scenario, so no speed is held"
 TOO_FEW_TURNS = "less than one turn"  # in place of the value of an order
 THROUGHOUT = "throughout"  # when the guard held learning back: in all of a window
 WHOLE_WINDOW_SHARE = 0.99  # least time held back / a window's time that counts as throughout
@@ -161,7 +161,8 @@ class Line:
         if controller not in self.uneven:
             return ""
         return (
-            f"error {100 * self.uneven[controller]:.0f} % of the speed, held up to {100 * JERKS_RATIO:.0f} %"
+            f"error {100 * self.uneven[controller]:.0f} % of the speed; up to {100 * JERKS_RATIO:.0f} % "
+            "counts as held"
         )
 
     @property
@@ -342,7 +343,7 @@ def not_judged(lines: Sequence[Line]) -> list[str]:
             by_reason.setdefault(line.unjudged, []).append(line.quantity)
     return [
         f"{quantities[0]}{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
-        f"not judged, since {why}{'; the signal omega_error has the error' if why == VARIES else ''}"
+        f"not judged, since {why}{'; judge the signal omega_error instead' if why == VARIES else ''}"
         for why, quantities in by_reason.items()
     ]
 

@@ -61,5 +61,5 @@ def _orders(diagnosis: Diagnosis) -> str:
         for order in diagnosis.orders
         if order.share >= LINE_SHARE_LEAST
     ]
-    names = ("Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence")
+    names = ("Log", "order", "speed", "load", "ripple, rms", "share of the square", "causes", "confidence")
     return text_table("numbers", "Orders", names, rows)

@@ -40,7 +40,7 @@ def render(identified: Identified) -> str:
         ("Orders", _orders(estimate)),
         ("What was found", _values(estimate)),
         ("What is left out, and what to record next", sentences([*estimate.left_out, *estimate.remarks])),
-        ("Measured over simulated", _replays(identified)),
+        ("Measured and simulated", _replays(identified)),
         ("What each log contributed", _logs(estimate)),
         ("Sessions", _sessions(estimate)),
     ]
@@ -131,7 +131,7 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     time = log.dt * np.arange(count)[every]
     drawn = [axes.line(time, v[every], colour) for v, colour in ((x, "--c0"), (y, "--c2"))]
     ratio = float(np.std(y) / np.std(x)) if np.std(x) else float("nan")
-    title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation simulated over measured {ratio:.2f}"
+    title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation, simulated / measured: {ratio:.2f}"
     return axes.panel(title, *drawn)
 
 
@@ -150,7 +150,7 @@ def _logs(estimate: Estimate) -> str:
         spread = float(np.std(y)) or 1.0
         cells = [
             log.name,
-            log.kind or "not said",
+            log.kind or "not given",
             f"{len(log)}",
             f"{1e3 * float(np.std(own)):.3g} mA",
             f"{100 * float(np.std(others)) / spread:.2g} % of its current",
@@ -165,6 +165,6 @@ def _sessions(estimate: Estimate) -> str:
     rows = []
     for session in sessions(estimate):
         values = [session.values.get(key) for key in SESSION_KEYS]
-        texts = ["not told" if value is None else value_text(value, "A") for value in values]
+        texts = ["not known" if value is None else value_text(value, "A") for value in values]
         rows.append([session.name, ", ".join(session.logs), *texts])
     return text_table("", "Sessions", ("Session", "logs", "friction over K_t", "offset of i_q"), rows)

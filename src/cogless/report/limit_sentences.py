@@ -39,7 +39,7 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
 
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
-    text = f"What limits {own}: further runs left {listed(parts)}."
+    text = f"What limits {own}: simulated again, it left {listed(parts)}."
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
         text += f" {setting(study, cure.changes)}{_sensor(cure)} left {with_unit(cure.value)}"

@@ -143,7 +143,7 @@ class Sections:
     judged_line: Callable[[Any, Runs], Line | None] = no_judged_line  # the line by which the verdict compares
 
 
-UNJUDGED = "Nothing to judge by: no run has a metric that is better when lower."
+UNJUDGED = "No controller can be judged: no run has a metric of which a lower value is better."
 NUMBER_MOST = 1e30  # SI; a larger value, far beyond any drive, is not drawn
 
 

@@ -409,7 +409,7 @@ def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = 
     if part is None or not blurred:
         return case, ""
     values = listed([f"{case.label(c)} {case.line.value_text(c)} ({part.percent(c)})" for c in blurred])
-    whose = "the sensor's own error, which no law can see (in brackets: its share of the square)"
+    whose = "the sensor's own error, which no law can see (in brackets: its share of the mean square)"
     own = f"Most of the true {case.line.quantity} comes from {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
         remainder = f"The measured values show: {case.values_in_words(blurred, part.seen)}."
@@ -612,7 +612,7 @@ def _without_learning(case: _Case) -> str:
     ratio = line.ratio(rival, best)
     if rival == case.baseline or ratio is None:
         return ""
-    plainly = f"the best without learning, {label(rival)} ({line.value_text(rival)})"
+    plainly = f"the best controller without learning, {label(rival)} ({line.value_text(rival)})"
     return f"{label(best)} has {times(ratio)} less than {plainly}."
 
 

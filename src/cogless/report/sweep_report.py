@@ -144,7 +144,7 @@ def _sentence(spread: Spread) -> str:
     if spread.within is not None and spread.interval is not None:
         low, high = spread.interval
         parts.append(
-            f"{_percent(spread.within)} keep it (95 % confidence: {_percent(low)} to {_percent(high)})"
+            f"{_percent(spread.within)} keep the limit (95 % confidence: {_percent(low)} to {_percent(high)})"
         )
     column = spread.column
     parts.append(

@@ -98,7 +98,8 @@ def _meters(figures: Sequence[float]) -> list[str]:
 REST_SPEED_MOST = 1e-9  # rad/s; below this reference the drive holds its position
 
 DELAY_NOTE = (
-    "Over the last part of the run, from {:.4g} to {:.4g} s. Jitter is about the mean. Torque ripple is "
+    "Over the last part of the run, from {:.4g} to {:.4g} s. Jitter is the deviation from the mean. Torque "
+    "ripple is "
     "(max \u2212 min) / (max + min). The law sees the measured values, the load the true ones."
 )
 

@@ -250,7 +250,7 @@ def outcome(results: TrialResults, runs: Sequence[Run]) -> Outcome | None:
     quantity, heading = ("current", "current\n(A)") if drive else ("input", "input\n")
     note = (
         f"RMS of the {c.metric.quantity}{unit} and of the {quantity}. End: the second half of the "
-        f"trials{where}. Feedback alone: the same controller there without learning."
+        f"trials{where}. Feedback alone: the same controller in the same trials, without learning."
     )
     columns = ("trial 1", "end", "feedback\nalone", "learning\nleaves", heading, "trials at\nthe limit")
     return Outcome(note, columns, [(name, _cells(c, name)) for name in c.runs if name in c.final])

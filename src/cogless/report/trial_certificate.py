@@ -16,11 +16,13 @@ from cogless.results import Run, TrialResults
 CERTIFICATE_NOTE = (
     "These values are known before any run, from the models alone. Each is the largest over the corners of "
     "the uncertain parameters and over random plants within them; point at a value to see the plant. Along "
-    "the trial: the largest pole of the loop, stable below 1. |F|: the largest factor by which any frequency "
-    "of the error is multiplied from one trial to the next. With the ends: growth a trial in tried trials, "
-    "which begin and end. If neither |F| nor this growth is above 1, the error doesn't grow (monotone). If "
-    "|F| is also below 1 everywhere, the error shrinks at every frequency (contracting). Largest share: the "
-    "most that a trial may have of any error without learning (with an observer, of any missing input)."
+    "the trial: magnitude of the loop's largest pole, stable below 1. Φ: the matrix of trial and learning "
+    "together. |F|: the largest factor by which any frequency of the error is multiplied from one trial to "
+    "the next. Growth with the ends: this factor in tried trials, which begin and end. If neither |F| nor "
+    "this growth is above 1, the error doesn't grow (monotone). If |F| is also below 1 everywhere, the error "
+    "shrinks at every frequency (contracting). Largest share: the largest ratio of a trial's error to the "
+    "error without learning, for any error (with an observer: of missing inputs instead of errors). Monotone "
+    "up to K_3: the largest K_3 with which no error grows."
 )
 GAIN_ROUNDING = 1e-4  # a limit of K_3 below this share of the K_3 in use counts as none
 MINUS = "−"  # noqa: RUF001

@@ -232,7 +232,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
     if not behind:
         return "", None
     _, phase, n, m = max(behind, key=lambda entry: entry[0])
-    return f"takes {n:.0f} trials {phase.after}, against {m:.0f}", phase
+    return f"takes {n:.0f} trials to the floor {phase.after}, against {m:.0f}", phase
 
 
 def _against_the_baseline(c: Case, best: str) -> str:
@@ -438,7 +438,7 @@ def _growing(model: ModelCertificate, learning: Learning) -> str:
     elif model.growth is not None and model.growth > 1 + GROWTH_ROUNDING:
         where, factor = "from the trial's ends", model.growth
     else:
-        return "Φ has a pole outside the unit circle"
+        return "the matrix Φ of trial and learning together has a pole outside the unit circle"
     return f"{where} the error may grow by the factor {close_to_one(factor)} from one trial to the next"
 
 

@@ -246,7 +246,8 @@ def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
     feedback, learning = design.gains.feedback, design.gains.learning
     yield "K_1 and K_2 from", "given" if feedback is None else f"LMIs; {_check(feedback.check)}"
     if design.K_3:
-        yield "K_3 from", "given, or by frequency" if learning is None else f"LMIs; {_check(learning.check)}"
+        without_lmis = "given, or chosen by frequency"
+        yield "K_3 from", without_lmis if learning is None else f"LMIs; {_check(learning.check)}"
 
 
 def _check(check: Check) -> str:

@@ -134,7 +134,7 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if share <= WORTHWHILE_SHARE:
         return None
     most = int(orders[np.argmax(remaining)])
-    run_does = f"turns so fast that order {most} comes at {most * speed / math.tau:.3g} Hz"
+    run_does = f"turns too fast to record order {most}, at {most * speed / math.tau:.3g} Hz, well"
     if added > np.max(remaining):
         run_does = (
             f"records from {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after a reversal on, before the "

@@ -649,7 +649,7 @@ def _by_frequency(
     if better is None:
         return K_3, Remark(note)
     now, other, then = better
-    note += f", or {now:.2g} with the trial's ends; with shift = {other} that factor would be {then:.2g}"
+    note += f", or {now:.2g} with the trial's ends, which shift = {other} would reduce to {then:.2g}"
     return K_3, Remark(note, ({"shift": other},))
 
 
@@ -681,7 +681,7 @@ def _warnings(
         note += f"{_factor(part.growth)} a trial, from the ends of the "
         note += "filter" if part.with_filter else "trial"
     else:
-        note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
+        note += f"{_factor(part.phi_radius or 1.0)} a sample, by the largest pole of the matrix Phi (27)"
     if update.ratio is None:
         loops = [law.closed(m, plant.C) for m in models]
         cutoff = workable_cutoff(

@@ -98,8 +98,9 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         return [corners[k] for k in hull.corner_indices], True, ""
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
-    note = f"the set (23) reaches beyond its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
-    return widened, False, f"{note}bounding polytope of {len(widened)} vertices is used"
+    outside = f"{100 * hull.outside:.2g} % of its size"
+    note = f"the set of plants (23) reaches beyond the hull of its vertices by {outside}: a bounding polytope"
+    return widened, False, f"{note} of {len(widened)} vertices is used"
 
 
 def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:
@@ -127,9 +128,9 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
     keeps = (
         f"with K_3 = {rounded:g} the error at each vertex and frequency keeps at most {worst:.4g} of its size"
     )
-    raise DesignError(f"K_3: missing: expected a number, since (35) has no certificate: {keeps}").advising(
-        {"K_3": rounded}
-    )
+    raise DesignError(
+        f"K_3: missing: expected a number, since rule (35) gives no certified K_3: {keeps}"
+    ).advising({"K_3": rounded})
 
 
 def check(

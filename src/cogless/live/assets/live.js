@@ -373,7 +373,7 @@
           item.className = "worse";
           make("p", item, `It gets worse with time: until ${since} s it is no worse than without learning, then it is worse.`, "fault");
         }
-      } else head.append(c.learns ? "." : ", with nothing that learns.");
+      } else head.append(c.learns ? "." : "; it does not learn.");
       const [from, to, long] = (c.learns && run.result.guarded[which]) || [0, 0, 0];
       if (long >= page.moment) make("p", item, `The guard held back its learning from ${number(from)} to ${number(to)} s (frozen, gentler or without effect): a part of its ${words} is from this time.`, "fault");
       const before = found(c.name, false, ghost);
@@ -396,7 +396,7 @@
       item.className = ratio > 1.05 ? "better" : ratio < 0.95 ? "worse" : "";
       const how = ratio > 1.05 ? `${number(ratio)} times less than` : ratio < 0.95 ? `${number(1 / ratio)} times as much as` : "as much as";
       head.append(`, ${how} with learning off (${told(base)}).`);
-    } else head.append(c.learns ? "." : ", with nothing that learns.");
+    } else head.append(c.learns ? "." : "; it does not learn.");
     if (judged.floor) {
       const floor = `the floor of ${told(judged.floor)}`, counts = run.result.counts.map(number);
       const all = counts.length > 1 ? `${listed(counts)} trials, one number for each change` : `${counts[0]} trials`;

@@ -39,7 +39,7 @@ const liveState = (page, keys, ratio, number) => {
   function clash(key, x) {
     if (!bounded.includes(key.key)) return "";
     const share = ratio(new Map(state.values).set(key.key, x)), [slow, fast] = page.motor.ends;
-    return share >= slow && share <= fast ? "" : `with ${x}, L / R is ${milliseconds(share)}: this page has ${milliseconds(fast)} to ${milliseconds(slow)}`;
+    return share >= slow && share <= fast ? "" : `with ${x}, L / R is ${milliseconds(share)}: this page allows ${milliseconds(fast)} to ${milliseconds(slow)}`;
   }
   const refuse = (key, why) => notes.set(key.key, `${why}. The value stays at ${value(key)}.`);
   // Gives a key the value, or the next one that it takes, which is told.

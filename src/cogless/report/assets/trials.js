@@ -144,7 +144,7 @@ const trialsPlots = (page) => {
     told.textContent = (byTrial
       ? `Trial ${view.trial}, all controllers. `
       : `${report.controllers[view.controller].label}, trials ${chosen || view.trial}, the earliest palest. A phase's name chooses all of its trials. `) +
-      `Of each phase there are the first, second, fifth and last trial. ${note}`;
+      `Of each phase the first, second, fifth and last trial can be chosen. ${note}`;
     if (!byTrial) {
       const row = make("div", chooser, "", "choice chips");
       for (const controller of shown.controllers) {
