@@ -454,8 +454,8 @@ CASES: dict[str, list[Case]] = {
              left=0.5),
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA"}, "its motion and load"),
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA",
-                        "drive.current_reference.field_weakening": True}, "the limits of current and "
-        "limits of current and voltage allow"),
+                        "drive.current_reference.field_weakening": True}, "the limits of current "
+             "and voltage allow"),
         Case(SMALL_LIMIT, NONE, "current_limit = ", left=0.5),
         Case(SMALL_LIMIT, {**NONE, "drive.current_sensors.sensors": 2, "drive.monitor.current_max": "0.2 A"},
              "current_max = ", left=0.5),
