@@ -379,8 +379,8 @@ def test_no_speed_loop_is_tuned_around_a_weak_current_loop(
         gains(study, "fair")
     assert str(error.value).endswith(
         f'study.toml: drive.current_loop.bandwidth: "{bandwidth}": expected 30 deg of phase margin or more '
-        f'to tune controller.fair around it; its q axis {found}; bandwidth = "1 kHz" would be enough by '
-        "calculation"
+        f"for tuning controller.fair; the current loop's q axis {found}; "
+        'bandwidth = "1 kHz" would be enough by calculation'
     )
     assert gains(study, "pi")  # given gains are taken
 

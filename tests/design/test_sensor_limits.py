@@ -90,8 +90,9 @@ def test_steps_that_beat_with_the_law_are_doubted_and_the_advised_rate_helps(tmp
     _, draft = drafts.written(tmp_path, drafts.request("gimbal", "generic", "as5600", speed=60))
     assert re.match(
         r"not sure: at 60 rpm the position sensor's steps cause [12]\.\d\d rpm of ripple while the law "
-        r"learns; the feedback alone leaves 2\.\d\d rpm\. The law, which runs at 4000 Hz, takes the sensor's "
-        r"4096 steps a second for motion at 96 Hz; drive\.rates\.speed_loop = \"2500 Hz\" would be enough by "
+        r"learns; the feedback alone leaves 2\.\d\d rpm\. The sensor's 4096 steps a "
+        r"second, sampled by the law at 4000 Hz, alias to 96 Hz, which the law mistakes for motion; "
+        r"drive\.rates\.speed_loop = \"2500 Hz\" would be enough by "
         r"calculation; runs of the study with several seeds show it, such as with --set seed=1\. "
         r"For small signals the answer is yes, ",
         answer(draft),

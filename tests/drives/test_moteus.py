@@ -279,7 +279,7 @@ def test_a_table_needs_the_index(firmware: str, tmp_path: Path, capsys: pytest.C
     dump = Moteus().dump(tmp_path / "dump.cfg", **changes)
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
-    assert "No cogging table can be placed on the rotor, since " in out and "cogless table" not in out
+    assert "No cogging table can be written for this drive, since " in out and "cogless table" not in out
     code, _, err = cogless(capsys, "table", tmp_path / "found", "--to", "moteus")
     assert code == 2 and len(lines_of(err)) == 1
     expected = (

@@ -75,9 +75,10 @@ def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: b
     assert (
         said
         == [
-            f"bb: the phase of order 6 differs by {math.degrees(turn):.0f} deg from a, which is "
-            f"{math.degrees(abs(turn)) / 6:.2g} deg of the rotor or more: the encoder's index has slipped, "
-            "or the encoder counts from where it was switched on; find the index before each log."
+            f"bb: the phase of order 6 differs by {math.degrees(turn):.0f} deg from that in a, so the "
+            f"rotor's angle is shifted by {math.degrees(abs(turn)) / 6:.2g} deg or more. Either the encoder's index "
+            "has slipped, or the encoder takes the position at switch-on as zero; find the index before each "
+            "log."
         ]
         * turned
     )

@@ -74,10 +74,14 @@ def test_the_best_is_the_quickest_in_its_slowest_phase(of, counts, rms, first):
         ),
         (
             [2, inf, inf],
-            f"in 1 of 3 phases, but never {LOAD} and {SECOND}",
+            f"in 1 of 3 phases between changes, but not in the phases {LOAD} and {SECOND}",
             "never reaches it after a change",
         ),
-        ([inf, 2, 2], f"in 2 of 3 phases, but never {START}", f"in 2 of 3 phases, but never {START}"),
+        (
+            [inf, 2, 2],
+            f"in 2 of 3 phases between changes, but not in the phase {START}",
+            f"in 2 of 3 phases between changes, but not in the phase {START}",
+        ),
         ([inf, inf, inf], "never reaches it", "never reaches it"),
         ([4], "within 4 trials", "takes 4 trials"),
         ([1], "in the first trial", "takes 1 trial"),

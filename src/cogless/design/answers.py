@@ -306,8 +306,8 @@ def _too_coarse(study: Study, coarse: Remaining) -> str:
     if coarse.beat is None:
         return ripple
     return (
-        f"{ripple}. The law, which runs at {coarse.law_rate:.0f} Hz, takes the sensor's "
-        f"{coarse.counts * coarse.law_rate:.0f} steps a second for motion at {coarse.beat:.0f} Hz"
+        f"{ripple}. The sensor's {coarse.counts * coarse.law_rate:.0f} steps a second, sampled by the law at "
+        f"{coarse.law_rate:.0f} Hz, alias to {coarse.beat:.0f} Hz, which the law mistakes for motion"
     )
 
 

@@ -150,7 +150,7 @@ def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
     for axis, loop in current_loops(study).items():
         wrong = weakness(loop.margins())
         if wrong:
-            raise _too_weak(study, f"to tune controller.{name} around it; its {axis} axis {wrong}")
+            raise _too_weak(study, f"for tuning controller.{name}; the current loop's {axis} axis {wrong}")
     try:
         return rule(study)
     except NoMarginError as error:

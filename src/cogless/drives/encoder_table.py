@@ -170,8 +170,9 @@ def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
         applied,
         install="run FILE in VESC Tool's LispBM page; a shutdown or reboot by VESC Tool stores it",
         remove="(enc-corr-en 0) there",
-        sign_check="at a steady speed and load the mean of q_axis_current falls with the table and grows "
-        "with the wrong sign, by 1 % each for errors of some 8 deg electrical rms",
+        sign_check="at a steady speed and load, the mean of q_axis_current falls when the table is switched "
+        "on; with the wrong sign it grows. If the encoder's error is 8 deg electrical rms, it falls by about "
+        "1 %, or grows by about 3 %",
         notes=(
             "The correction acts only on the phase of the current: position and speed keep the encoder's "
             "error.",

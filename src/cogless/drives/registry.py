@@ -218,7 +218,7 @@ def prepare(
         for recording in logs.recordings
     ]
     if adapter.write is not None and not logs.frame.zero:
-        remarks.append(f"No cogging table can be placed on the rotor, since {logs.frame.lacking}.")
+        remarks.append(f"No cogging table can be written for this drive, since {logs.frame.lacking}.")
     return Prepared(
         identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
     )

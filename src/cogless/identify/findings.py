@@ -338,10 +338,10 @@ def _turned(
                 ]
             return [
                 Advice(
-                    f"{name}: the phase of order {strongest} differs by {np.degrees(turn):.0f} deg from "
-                    f"{first}, which is {np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: "
-                    "the encoder's index has slipped, or the encoder counts from where it was switched on; "
-                    "find the index before each log.",
+                    f"{name}: the phase of order {strongest} differs by {np.degrees(turn):.0f} deg from that "
+                    f"in {first}, so the rotor's angle is shifted by {np.degrees(abs(turn)) / strongest:.2g} "
+                    "deg or more. Either the encoder's index has slipped, or the encoder takes the position "
+                    "at switch-on as zero; find the index before each log.",
                     recording(index=True, log=name),
                 )
             ]

@@ -171,8 +171,10 @@ def _reach(c: Case, name: str, *, short: bool = False) -> str:
             return "never reaches it"
         if short and never == list(c.phases[1:]):
             return "never reaches it after a change"
-        where = after(never, c.phases)
-        return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {where}"
+        where = f"the phase{'' if len(never) == 1 else 's'} {after(never, c.phases)}"
+        return (
+            f"in {len(c.phases) - len(never)} of {len(c.phases)} phases between changes, but not in {where}"
+        )
     most = max(counts)
     if short:
         return f"takes {'up to ' if len(counts) > 1 else ''}{most:.0f} {'trial' if most == 1 else 'trials'}"

@@ -62,8 +62,8 @@ Feedbacks = Mapping[str, tuple[str, str]]  # kp and ki by controller
 BASE_KEY = f"controller.{LEARNING_LAW}.base"
 COMPENSATION = "drive.dead_time_compensation"
 COMPENSATED = (
-    f"Switched on: {COMPENSATION}, with which harmonic leaves less ripple. Your board's firmware needs it, "
-    "too."
+    f"Switched on: {COMPENSATION}. With it the learning law harmonic leaves less ripple. Your board's "
+    "firmware must compensate its dead time, too."
 )
 OBSERVER_KEYS = ("speed_method", "observer_bandwidth")
 COGGING_FREQUENCY = 40.0  # Hz, frequency of the main order at the chosen speed

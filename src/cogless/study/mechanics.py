@@ -185,7 +185,7 @@ class GearError(Table):
     r"""Amplitude of this part of the error. The part adds `angle` times sin(`order` $\theta$ + `phase`) to
     the position of the gear's output; $\theta$ is the position of the shaft that `side` names."""
     phase: Angle = 0.0  # rad
-    """Phase of this part."""
+    """Phase of this part of the error: 360 deg are one of its waves."""
 
 
 class LoadSide(Mass):

@@ -198,7 +198,7 @@ class TrialScenario(TrialConditions, Experiment):
     reference: PositionReference
     """The motion of each trial."""
     changes: Many[Change] = ()
-    """Changes of the scenario, each from one trial on."""
+    """Changes of the scenario. Each takes effect with its trial `trial`, and stays unless changed again."""
 
     @model_validator(mode="after")
     def _changes(self) -> Self:

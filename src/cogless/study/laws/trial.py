@@ -28,8 +28,8 @@ class SignalFilter(Table):
     order: Annotated[int, Field(ge=1, le=4)] = 2
     """Order of the Butterworth filter that runs in each direction."""
     ends: Ends = "even"
-    """How the filter continues the signal beyond both ends of the trial, by reflection. `even` enlarges no
-    signal. `odd`, as in SciPy's filtfilt, multiplies noise near the ends."""
+    """How the filter continues the signal beyond both ends of the trial, by reflection. With `even` it never
+    raises a signal's RMS. `odd`, as in SciPy's filtfilt, amplifies noise near the ends."""
 
 
 class QFilter(SignalFilter):
