@@ -76,9 +76,9 @@ def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: b
         said
         == [
             f"bb: the phase of order 6 differs by {math.degrees(turn):.0f} deg from that in a, so the "
-            f"rotor's angle is shifted by {math.degrees(abs(turn)) / 6:.2g} deg or more. Either the encoder's index "
-            "has slipped, or the encoder takes the position at switch-on as zero; find the index before each "
-            "log."
+            f"rotor's angle is shifted by {math.degrees(abs(turn)) / 6:.2g} deg or more. Either the "
+            "encoder's index has slipped, or the encoder takes the position at switch-on as zero; find the "
+            "index before each log."
         ]
         * turned
     )
