@@ -124,7 +124,7 @@ def named_frequency(estimate: Estimate) -> float:
     return float(line.split("about ")[1].split(" Hz")[0])
 
 
-@pytest.mark.parametrize("load_share, f_a", [(0.6, 8.0), (0.5, 12.0), (0.7, 25.0)])
+@pytest.mark.parametrize("load_share, f_a", [(0.6, 8.0), (0.5, 12.0)])
 def test_a_load_on_a_flexible_shaft_is_named(tmp_path: Path, load_share: float, f_a: float) -> None:
     """The named frequency is one at which J_1 + J_2 / (1 - (f / f_a)^2) differs from J_1 + J_2."""
     estimate = identified(tmp_path, load_share, f_a)

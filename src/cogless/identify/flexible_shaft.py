@@ -20,7 +20,7 @@ from cogless.identify.kernel import REACH_WIDTHS, Kernel
 from cogless.results.trace import Array
 from cogless.units import TURN
 
-RIGID_SHARE = 0.05  # relative change of the inertia up to which a drive counts as rigid
+RIGID_SHARE = 0.2  # relative change of the inertia up to which a drive counts as rigid: below 2 dB of gain
 LOOP_NOISE_GAIN = 2.0  # largest sensitivity of a well-damped loop to noise of the angle
 
 
