@@ -66,7 +66,7 @@ def test_at_the_same_margin_it_is_softer_than_a_pi() -> None:
 
 
 def test_an_observer_faster_than_its_samples_is_refused() -> None:
-    with pytest.raises(StudyError, match=r"controller\.adrc\.omega_o: .*expected less than 10000 1/s"):
+    with pytest.raises(StudyError, match=r"controller\.adrc\.omega_o: .*expected less than 10000 rad/s"):
         load("uomodri", adrc(omega_o=10001.0))
 
 
