@@ -467,7 +467,7 @@ def test_gains_of_a_current_loop_for_another_motor_are_heard_at_idle(tmp_path: P
     rule = {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}
     with pytest.raises(
         StudyError,
-        match=r"the current loop's q axis is unstable; kp = .0.188 V/A. and ki = .18.8 V/A/s. would be enough",
+        match=r"current loop's q axis is unstable; kp = .0.188 V/A. and ki = .18.8 V/A/s. would be enough",
     ):
         run(changed(drive, {"controller.pi": rule}))
 
