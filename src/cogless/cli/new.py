@@ -359,11 +359,9 @@ def _constant(text: str) -> tuple[str, Any]:
 def _say_not_asked(motor: str, numbers: Mapping[str, Any]) -> None:
     """Say which numbers were not asked for, by their flags."""
     of_motor = ("detent-torque",) if "nema" in motor else ("slots", "rated-current")
-    flags = [flag for flag in ("inertia", "inductance", *of_motor, *NOT_ASKED) if flag not in numbers]
+    flags = ("inertia", "inductance", *of_motor, "friction", "bus-voltage", "current-limit")
+    flags = tuple(flag for flag in flags if flag not in numbers)
     print("\n".join(_wrapped(f"Not asked, so guessed: {', '.join(f'--{flag}' for flag in flags)}.")))
-
-
-NOT_ASKED = ("friction", "bus-voltage", "current-limit")
 
 
 def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
@@ -428,7 +426,7 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
     if design is not None and design.verdict == "not worth it" and not _pays_off(design):
         effects = []  # effects on harmonic's ripple don't matter here
-    if not any(answer.holds for effect in ranking.effects for answer in effect.answers):
+    if ranking.effects and not any(answer.holds for effect in ranking.effects for answer in effect.answers):
         lines += ["", *_wrapped("No guess, at either end of its range, makes harmonic hold this speed.")]
     elif effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]

@@ -100,14 +100,11 @@ def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share
     short = shortened(full)
     (scenario,) = full.scenario
     (learned,), (base,) = (outcomes([full], scenario, law) for law in (LEARNING_LAW, BASELINE_LAW))
-    if learned.holds and not outcomes([short], scenario, LEARNING_LAW)[0].holds:
-        short = full  # Learning takes longer than the short run.
-    changes: list[Mapping[str, Any]] = [
-        {},
-        *(change for guess in guesses for change in guess.variants.values()),
-    ]
-    nominal, *others = _variants(short, scenario, changes, progress)
-    rest = iter(others)
+    (nominal,) = (learned,) if short is full else outcomes([short], scenario, LEARNING_LAW)
+    if learned.holds and not nominal.holds:
+        short, nominal = full, learned  # Learning takes longer than the short run.
+    changes = [change for guess in guesses for change in guess.variants.values()]
+    rest = iter([*_variants(short, scenario, changes, progress)])
     effects = [
         Effect(guess=guess, nominal=nominal, outcomes={label: next(rest) for label in guess.variants})
         for guess in guesses
@@ -170,7 +167,7 @@ def _variants(
 
 def _changed(study: Study, change: Mapping[str, Any]) -> Study | StudyError:
     try:
-        return changed(study, change) if change else study
+        return changed(study, change)
     except StudyError as error:
         return error
 
