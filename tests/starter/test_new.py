@@ -178,6 +178,8 @@ def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(
     lines = " ".join(_ranking_lines(study, ranking, path, ()))
     assert "harmonic 0.3 r/min. At a faster speed it is not worth it: at 3000 rpm learning leaves " in lines
     assert "One guess matters most. Measure or look up first:" in lines
+    without_guesses = " ".join(_ranking_lines(study, replace(ranking, effects=()), path, ()))
+    assert "guess" not in without_guesses.lower()
 
 
 MOTORS = "gimbal, drone, direct-drive, hub, servo, spindle, own, nema17, nema23"
