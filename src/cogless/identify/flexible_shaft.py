@@ -1,8 +1,9 @@
-"""A drive that is not one rigid body: its inertia differs from frequency to frequency.
+"""A drive that may not be one rigid body: its inertia differs from frequency to frequency.
 
 Torque over acceleration of a motor of inertia J_1, whose flexible shaft turns a load of inertia J_2, is
 J_1 + J_2 / (1 - (f / f_a)^2), f_a: the frequency at which the load swings while the motor is held. So the
-inertia is estimated in bands of frequency, and compared with the estimate's inertia.
+inertia is estimated in bands of frequency, and compared with the estimate's inertia. Errors of the angle that
+are larger than the motion in a band make its inertia too small, too.
 """
 
 from __future__ import annotations
@@ -117,9 +118,9 @@ def sentences(bands: Sequence[Band]) -> list[str]:
         return []
     band = min(sure, key=lambda band: band.frequency)
     return [
-        f"The drive is not one rigid body: at about {band.frequency:.2g} Hz the inertia is "
-        f"{band.inertia:.2g} +- {band.error:.1g} times the inertia at lower frequencies. A flexible shaft, "
-        "coupling or belt does this. The study has one rigid body, so its simulation is wrong near this "
-        "frequency and above. Cogging whose waves come at such frequencies may be wrong by more than its "
-        "error."
+        f"At about {band.frequency:.2g} Hz the logs show {band.inertia:.2g} +- {band.error:.1g} times the "
+        "inertia of lower frequencies. Either the drive is not one rigid body, but has a flexible shaft, "
+        "coupling or belt, or errors of the logged angle hide the motion there. If it is not one rigid body, "
+        "the simulation is wrong near this frequency and above, and cogging at such frequencies may be wrong "
+        "by more than its error."
     ]
