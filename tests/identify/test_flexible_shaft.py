@@ -1,4 +1,4 @@
-"""A load on a flexible shaft is named, and a rigid one is not.
+"""A load on a flexible shaft is named, and a rigid one, or an error of the angle, is not called so.
 
 The plant is not the engine: two masses, a spring and a damper between them, friction, two waves of cogging,
 and a PI speed loop at 1 kHz on a filtered difference of counts. Units are SI.
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from identify.commissioned import write
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 from cogless.identify import command, config, flexible_shaft, plan
 from cogless.identify.balance import LADDER
@@ -42,11 +42,19 @@ RUNS = {"slow": both_ways(0.4 * TURN), "fast": both_ways(4 * TURN), "accel": ram
 
 
 def log(
-    points: list[tuple[float, float]], *, load_share: float, f_a: float, lag: float, seed: int
+    points: list[tuple[float, float]],
+    *,
+    load_share: float,
+    f_a: float,
+    lag: float,
+    error: float,
+    fed_back: bool,
+    seed: int,
 ) -> dict[str, np.ndarray]:
     """Rows of the law of a motor whose load, a share of the inertia, swings at f_a, Hz, on a held motor.
 
-    `lag`: time constant, s, of a filter of the logged current.
+    `lag`: time constant, s, of a filter of the logged current. `error`: of the angle, counts rms, around 30
+    Hz. `fed_back`: whether the law has the angle with this error.
     """
     t = PERIOD * np.arange(round(points[-1][0] / PERIOD))
     h, rows = PERIOD / SUBSTEPS, np.empty((len(t), 2))
@@ -55,8 +63,13 @@ def log(
     theta = load_theta = 0.3 + seed
     omega = load_omega = integral = speed = 0.0
     before = None
+    errors = lfilter(
+        *butter(2, (20, 40), "bandpass", fs=1 / PERIOD),
+        np.random.default_rng(9 + seed).standard_normal(len(t)),
+    )
+    errors *= error * TURN / COUNTS / np.std(errors)
     for row, reference in enumerate(np.interp(t, *np.array(points).T)):
-        seen = math.floor(theta / TURN * COUNTS) * TURN / COUNTS
+        seen = math.floor((theta + fed_back * errors[row]) / TURN * COUNTS) * TURN / COUNTS
         speed = FILTERED * speed + (1 - FILTERED) * (seen - (seen if before is None else before)) / PERIOD
         before = seen
         integral += KI * PERIOD * (reference - speed)
@@ -72,14 +85,22 @@ def log(
                 omega += h / INERTIA * torque
             theta += h * omega
             load_theta += h * load_omega
-        rows[row] = seen, current
+        rows[row] = math.floor((theta + errors[row]) / TURN * COUNTS) * TURN / COUNTS, current
     decay = math.exp(-PERIOD / lag) if lag else 0.0
     logged = lfilter([1 - decay], [1, -decay], rows[:, 1])
     noise = 2e-3 * np.random.default_rng(seed).standard_normal(len(t))
     return {"t": t, "theta": rows[:, 0], "i_q": logged + noise}
 
 
-def identified(folder: Path, load_share: float, f_a: float, lag: float = 0.0) -> Estimate:
+def identified(
+    folder: Path,
+    *,
+    load_share: float = 0.0,
+    f_a: float = 1.0,
+    lag: float = 0.0,
+    error: float = 0.0,
+    fed_back: bool = True,
+) -> Estimate:
     tables: dict[str, Any] = {
         "columns": {"t": "t", "theta": "theta", "i_q": "i_q"},
         "motor": {"pole_pairs": 7, "R_s": "1 ohm", "L_d": "1 mH", "L_q": "1 mH", "K_t": f"{K_T} N*m/A"},
@@ -90,7 +111,7 @@ def identified(folder: Path, load_share: float, f_a: float, lag: float = 0.0) ->
         },
     }
     logs = {
-        name: log(points, load_share=load_share, f_a=f_a, lag=lag, seed=seed)
+        name: log(points, load_share=load_share, f_a=f_a, lag=lag, error=error, fed_back=fed_back, seed=seed)
         for seed, (name, points) in enumerate(RUNS.items())
     }
     paths = write(folder, plan.to_toml(tables), logs)
@@ -103,50 +124,77 @@ def identified(folder: Path, load_share: float, f_a: float, lag: float = 0.0) ->
 def bands(estimate: Estimate) -> list[flexible_shaft.Band]:
     drive = Logs(estimate.identification, estimate.logs, lambda what, share: None)
     return flexible_shaft.inertia_by_frequency(
-        drive.equations,
-        drive.equations(estimate.model),
-        estimate.model,
-        instrument=estimate.instrument,
-        delay_error=5e-4,
+        drive.equations, estimate.model, instrument=estimate.instrument, delay_error=5e-4
     )
 
 
+def remark(estimate: Estimate) -> str:
+    """The remark on the rigid body, empty if there is none."""
+    return "".join(line for line in estimate.remarks if "rigid body" in line)
+
+
 def test_a_rigid_drive_has_one_inertia_at_all_frequencies(tmp_path: Path) -> None:
-    estimate = identified(tmp_path, 0.0, 1.0)
-    assert not [line for line in estimate.remarks if "rigid" in line]
+    estimate = identified(tmp_path)
+    assert not remark(estimate)
     assert estimate.values["j"].value * K_T == pytest.approx(INERTIA, rel=0.01)
-    assert all(abs(band.inertia - 1) < 0.05 for band in bands(estimate)), bands(estimate)
+    for band in bands(estimate):
+        assert abs(band.by_acceleration.value - 1) < 0.05, band
+        assert abs(band.by_current.value - 1) < 0.05, band
 
 
-def named_frequency(estimate: Estimate) -> float:
-    (line,) = [line for line in estimate.remarks if "rigid" in line]
-    assert line.startswith("At about ") and "Either the drive is not one rigid body" in line
-    return float(line.split("about ")[1].split(" Hz")[0])
-
-
-@pytest.mark.parametrize("load_share, f_a", [(0.6, 8.0), (0.5, 12.0)])
+@pytest.mark.parametrize("load_share, f_a", [(0.5, 12.0), (0.7, 25.0)])
 def test_a_load_on_a_flexible_shaft_is_named(tmp_path: Path, load_share: float, f_a: float) -> None:
-    """The named frequency is one at which J_1 + J_2 / (1 - (f / f_a)^2) differs from J_1 + J_2."""
-    estimate = identified(tmp_path, load_share, f_a)
-    f = named_frequency(estimate)
-    assert abs(load_share / (1 - (f / f_a) ** 2) - load_share) > flexible_shaft.RIGID_SHARE
+    """The inertia J_1 + J_2 / (1 - (f / f_a)^2) is above J_1 + J_2 at the named frequency."""
+    estimate = identified(tmp_path, load_share=load_share, f_a=f_a)
+    line = remark(estimate)
+    assert line.startswith("The drive is not one rigid body: at about ")
+    f = float(line.split("about ")[1].split(" Hz")[0])
+    assert load_share / (1 - (f / f_a) ** 2) - load_share > flexible_shaft.RIGID_SHARE
     inertia = estimate.values["j"]
     assert abs(inertia.value * K_T - INERTIA) < inertia.error * K_T
+
+
+def test_of_a_load_that_swings_slowly_it_is_said_that_fast_motion_is_hidden(tmp_path: Path) -> None:
+    """Above the swing of 8 Hz the motor accelerates alone, and errors of the angle might be the reason."""
+    line = remark(identified(tmp_path, load_share=0.6, f_a=8.0))
+    assert line.startswith("From about 24 Hz on, these logs do not show whether")
 
 
 @pytest.mark.parametrize("lag", [2e-3, 4e-3])
 def test_a_filter_of_the_logged_current_is_no_flexible_shaft(tmp_path: Path, lag: float) -> None:
     """A filter delays; the filter's smaller gain at 24 Hz, .96 and .86, stays within the errors."""
-    assert not [line for line in identified(tmp_path, 0.0, 1.0, lag).remarks if "rigid" in line]
+    assert not remark(identified(tmp_path, lag=lag))
+
+
+def test_a_slow_filter_of_the_logged_current_is_named_beside_the_shaft(tmp_path: Path) -> None:
+    """The filter of 16 Hz makes all fast currents smaller, like a load that the shaft no longer moves."""
+    line = remark(identified(tmp_path, lag=10e-3))
+    assert line.startswith("The drive is not one rigid body, or the logged current is filtered: at about ")
+
+
+@pytest.mark.parametrize("fed_back", [False, True])
+@pytest.mark.parametrize("error", [1.0, 4.0, 20.0])
+def test_errors_of_the_angle_are_never_called_a_flexible_shaft(
+    tmp_path: Path, error: float, fed_back: bool
+) -> None:
+    """The angle of a rigid drive is wrong by `error` counts around 30 Hz; the law may follow it."""
+    estimate = identified(tmp_path, error=error, fed_back=fed_back)
+    assert min(band.by_acceleration.value for band in bands(estimate)) < 0.5
+    assert "is not one rigid body" not in remark(estimate)
 
 
 def test_the_inertia_grows_towards_the_frequency_of_the_load(tmp_path: Path) -> None:
-    """J_1 + J_2 / (1 - (f / f_a)^2) at the centres of the bands that lie well below f_a."""
+    """J_1 + J_2 / (1 - (f / f_a)^2) at the centres of the bands that lie well below f_a.
+
+    By the current it grows less: the current is large where the inertia is small in a band.
+    """
     share, f_a = 0.6, 70.0
-    estimate = identified(tmp_path, share, f_a)
+    estimate = identified(tmp_path, load_share=share, f_a=f_a)
     for band in bands(estimate):
         expected = 1 - share + share / (1 - (band.frequency / f_a) ** 2)
-        assert abs(band.inertia - expected) < 0.05 + band.error, (band, expected)
+        by_acceleration, by_current = band.by_acceleration, band.by_current
+        assert abs(by_acceleration.value - expected) < 0.05 + by_acceleration.error, (band, expected)
+        assert by_current.least < expected and 1 < by_current.most, (band, expected)
 
 
 def test_the_response_of_a_band_is_zero_at_rest_and_flat_there() -> None:
@@ -159,7 +207,7 @@ def test_the_response_of_a_band_is_zero_at_rest_and_flat_there() -> None:
 
 def test_noise_of_the_angle_has_the_product_that_is_computed(tmp_path: Path) -> None:
     """White noise of 400,000 rows, filtered like an angle, has the computed products."""
-    estimate = identified(tmp_path, 0.0, 1.0)
+    estimate = identified(tmp_path)
     drive = Logs(estimate.identification, estimate.logs, lambda what, share: None)
     equations = drive.equations(estimate.model)
     computed = flexible_shaft._noise_products(equations, estimate.model, estimate.instrument)

@@ -58,8 +58,13 @@ def of_log(name: str, columns: str, folder: Path) -> Estimate:
 def test_inertia_of_a_real_drive_is_that_of_an_independent_calculation(
     name: str, columns: str, inertia: float, unsure: float, tmp_path: Path
 ) -> None:
-    """J/K_t, A s^2/rad, of a wide kernel's regression, and of an impulse balance without any kernel."""
-    told = of_log(name, columns, tmp_path).values["j"]
+    """J/K_t, A s^2/rad, of a wide kernel's regression, and of an impulse balance without any kernel.
+
+    Both drives are rigid, but above 20 Hz errors of the angle exceed the motion.
+    """
+    estimate = of_log(name, columns, tmp_path)
+    assert not [line for line in estimate.remarks if "is not one rigid body" in line]
+    told = estimate.values["j"]
     assert abs(told.value - inertia) < told.error + unsure
     assert told.error < 0.08 * inertia
 

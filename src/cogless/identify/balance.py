@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,8 @@ class Model:
     of the fit before. The columns of the sensor's error need them, since the error shifts the cogging.
     `friction`: orders in which friction varies. `stribeck`: speed over which friction falls, rad/s, 0 for
     none; the factor `stribeck_ratio` is the speed's uncertainty. `stribeck_trials`: such speeds to compare,
-    each with a column of its own. `widths`: width of each log's kernel, s.
+    each with a column of its own. `widths`: width of each log's kernel, s. `instrument_of`: what is filtered
+    to give the instruments of the acceleration.
     `untold`: columns whose coefficient is the sum of two effects that these logs cannot separate.
     """
 
@@ -69,6 +71,7 @@ class Model:
     waves: Pairs = field(default_factory=dict)
     j: float = 0.0
     widths: Mapping[str, float] = field(default_factory=dict)
+    instrument_of: Literal["acceleration", "current"] = "acceleration"
     untold: frozenset[tuple[str, int]] = frozenset()  # kind, and order or 0
 
     def width(self, log: Log) -> float:
@@ -96,8 +99,8 @@ class Rows:
 
     `noise`: variance of a column by the angle's noise, for each row, of the columns computed from the angle.
     `at`: the log's row in the middle of each filtered row; `theta` and `omega` are taken there.
-    `instruments`: the acceleration by wider kernels, a row for each width of LADDER. `spacing`: time between
-    filtered rows, s.
+    `instruments`: acceleration, or current, by wider kernels, a row for each width of LADDER. `spacing`: time
+    between filtered rows, s.
     """
 
     log: Log
@@ -221,7 +224,7 @@ def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sens
             columns["sticking", log.name] = sticking
     at = (kernel.half + step * np.arange(count)).astype(np.float64)
     middle = turned[kernel.half : kernel.half + step * count : step]
-    instruments = _instruments(alpha, step * dt)
+    instruments = _instruments(alpha if model.instrument_of == "acceleration" else y, step * dt)
     matrix = np.column_stack(list(columns.values()))
     return Rows(
         log=log,
@@ -323,9 +326,9 @@ def _slowest(step_angle: float, window: float) -> float:
     return 2 * step_angle / window
 
 
-def _instruments(alpha: Array, spacing: float) -> Array:
-    """The acceleration through each kernel of LADDER, a row each; these have no fast changes."""
-    return np.array([smooth(alpha, width / spacing) for width in LADDER]) / _weights(len(alpha), spacing)
+def _instruments(x: Array, spacing: float) -> Array:
+    """The signal through each kernel of LADDER, a row each; these have no fast changes."""
+    return np.array([smooth(x, width / spacing) for width in LADDER]) / _weights(len(x), spacing)
 
 
 def smooth(x: Array, width: float) -> Array:

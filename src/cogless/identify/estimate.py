@@ -303,11 +303,7 @@ def _with_flexible_shaft(drive: Logs, estimate: Estimate, delay_error: float) ->
     if "j" not in estimate.values:
         return estimate
     bands = flexible_shaft.inertia_by_frequency(
-        drive.equations,
-        Equations(estimate.rows),
-        estimate.model,
-        instrument=estimate.instrument,
-        delay_error=delay_error,
+        drive.equations, estimate.model, instrument=estimate.instrument, delay_error=delay_error
     )
     return replace(estimate, remarks=(*estimate.remarks, *flexible_shaft.sentences(bands)))
 

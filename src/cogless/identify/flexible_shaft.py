@@ -1,9 +1,10 @@
-"""A drive that may not be one rigid body: its inertia differs from frequency to frequency.
+"""Whether a drive is one rigid body: its inertia is estimated in bands of frequency.
 
 Torque over acceleration of a motor of inertia J_1, whose flexible shaft turns a load of inertia J_2, is
-J_1 + J_2 / (1 - (f / f_a)^2), f_a: the frequency at which the load swings while the motor is held. So the
-inertia is estimated in bands of frequency, and compared with the estimate's inertia. Errors of the angle that
-are larger than the motion in a band make its inertia too small, too.
+J_1 + J_2 / (1 - (f / f_a)^2), f_a: the frequency at which the load swings while the motor is held. Errors of
+the angle change the inertia of a band, too. So it is estimated twice, with the band's acceleration and with
+the band's current as instrument. Their ratio is cos(phase)^2 times the coherence of current and acceleration:
+1 for masses and springs. Errors of the angle take coherence, and the law's answer to them takes phase.
 """
 
 from __future__ import annotations
@@ -16,25 +17,58 @@ from scipy.stats import t as student
 
 from cogless.identify.balance import LADDER, Model, smooth
 from cogless.identify.cogging_orders import FALSE_ALARM
-from cogless.identify.jackknife import ALONE, Equations, variance_of
+from cogless.identify.jackknife import ALONE, Equations, Inertia, variance_of
 from cogless.identify.kernel import REACH_WIDTHS, Kernel
 from cogless.results.trace import Array
 from cogless.units import TURN
 
-RIGID_SHARE = 0.2  # relative change of the inertia up to which a drive counts as rigid: below 2 dB of gain
+RIGID_SHARE = 0.05  # relative change of the inertia up to which a drive counts as rigid
+HIDDEN_SHARE = 0.2  # relative fall of the inertia that errors of the angle, or a shaft, must have caused
 LOOP_NOISE_GAIN = 2.0  # largest sensitivity of a well-damped loop to noise of the angle
 
 
 @dataclass(frozen=True)
-class Band:
-    """Inertia at a frequency, Hz, over the estimate's, with an error that noise exceeds in few searches.
+class Ratio:
+    """A band's inertia over the estimate's, with the error that noise exceeds in FALSE_ALARM of all logs.
 
-    The chance that noise exceeds the error in any band is FALSE_ALARM.
+    `scatter`: part of the error that is no error of the delay.
     """
 
-    frequency: float
-    inertia: float
+    value: float
     error: float
+    scatter: float
+
+    @property
+    def least(self) -> float:
+        return self.value - self.error
+
+    @property
+    def most(self) -> float:
+        return self.value + self.error
+
+
+@dataclass(frozen=True)
+class Band:
+    """Inertia at a frequency, Hz, with the acceleration and with the current as instrument."""
+
+    frequency: float
+    by_acceleration: Ratio
+    by_current: Ratio
+
+    @property
+    def elastic(self) -> Ratio | None:
+        """The estimate that no error of angle or current explains, if there is one."""
+        scatter = self.by_acceleration.scatter + self.by_current.scatter
+        if self.by_current.value - self.by_acceleration.value > scatter:
+            return None
+        if self.by_acceleration.least > 1 + RIGID_SHARE:
+            return self.by_acceleration
+        return self.by_current if self.by_current.most < 1 - RIGID_SHARE else None
+
+    @property
+    def hidden(self) -> bool:
+        """The angle shows a smaller inertia, and the current does not show the estimate's."""
+        return max(self.by_acceleration.most, self.by_current.least) < 1 - HIDDEN_SHARE
 
 
 def _shares() -> list[Array]:
@@ -62,36 +96,48 @@ def _centre(shares: Array) -> float:
 
 
 def inertia_by_frequency(
-    equations_of: Callable[[Model], Equations],
-    equations: Equations,
-    model: Model,
-    *,
-    instrument: int,
-    delay_error: float,
+    equations_of: Callable[[Model], Equations], model: Model, *, instrument: int, delay_error: float
 ) -> list[Band]:
     """The inertia in each band, the fastest first.
 
-    `equations_of`: gives the equations of a model. `equations`: those of `model`. `instrument`: index of the
-    instrument of the estimate's inertia. `delay_error`: error of the delay, s. A wrong delay and noise of the
-    angle change the inertia, most in the fast bands. The errors include both effects.
+    `equations_of`: gives the equations of a model. `instrument`: index of the instrument of the estimate's
+    inertia. `delay_error`: error of the delay, s. A wrong delay changes the inertia, most in the fast bands.
+    The errors include this effect, and the one of the angle's known noise.
     """
-    ends = [equations_of(replace(model, delay=model.delay + sign * delay_error)) for sign in (-1, 1)]
-    inertia, moved, _ = equations.inertia(ALONE[instrument], instrument)
-    noise = _noise_products(equations, model, instrument)
-    bands = []
-    for shares in BAND_SHARES:
-        value, moved_value, product = equations.inertia(shares, instrument)
-        ratio = value / inertia
-        variance, freedom = variance_of((moved_value - ratio * moved)[:, None] / inertia)
-        quantile = student.isf(FALSE_ALARM / 2 / len(BAND_SHARES), freedom[0])
-        ratios = [
-            end.inertia(shares, instrument)[0] / end.inertia(ALONE[instrument], instrument)[0] for end in ends
-        ]
-        by_delay = max(abs(other - ratio) for other in ratios)
-        by_noise = LOOP_NOISE_GAIN * abs(shares @ noise) / max(abs(product), 1e-300)
-        error = float(np.hypot(quantile * np.sqrt(variance[0]), by_delay) + by_noise)
-        bands.append(Band(_centre(shares), ratio, error))
-    return bands
+    noise = _noise_products(equations_of(model), model, instrument)
+    delays = (model.delay, model.delay - delay_error, model.delay + delay_error)
+    models = [replace(model, delay=delay) for delay in delays]
+    by_acceleration = [_inertias(equations_of(x), instrument) for x in models]
+    by_current = [_inertias(equations_of(replace(x, instrument_of="current")), instrument) for x in models]
+    references = [inertias[-1] for inertias in by_acceleration]
+    return [
+        Band(
+            _centre(shares),
+            _ratio([inertias[k] for inertias in by_acceleration], references, float(shares @ noise)),
+            _ratio([inertias[k] for inertias in by_current], references),
+        )
+        for k, shares in enumerate(BAND_SHARES)
+    ]
+
+
+def _inertias(equations: Equations, instrument: int) -> list[Inertia]:
+    """The inertia of each band, and the estimate's, which is the last one."""
+    return [equations.inertia(shares, instrument) for shares in (*BAND_SHARES, ALONE[instrument])]
+
+
+def _ratio(inertias: Sequence[Inertia], references: Sequence[Inertia], noise: float = 0.0) -> Ratio:
+    """The inertia of a band over the estimate's.
+
+    Both are given with the estimated delay, and with both ends of its interval. `noise`: product of
+    acceleration and the band's instrument by the angle's noise.
+    """
+    values = [one.value / reference.value for one, reference in zip(inertias, references, strict=True)]
+    moved = (inertias[0].moved - values[0] * references[0].moved) / references[0].value
+    variance, freedom = variance_of(moved[:, None])
+    scatter = float(student.isf(FALSE_ALARM / 2 / len(BAND_SHARES), freedom[0]) * np.sqrt(variance[0]))
+    by_delay = max(abs(value - values[0]) for value in values)
+    by_noise = LOOP_NOISE_GAIN * abs(noise) / max(abs(inertias[0].product), 1e-300)
+    return Ratio(values[0], float(np.hypot(scatter, by_delay)) + by_noise, scatter + by_noise)
 
 
 def _noise_products(equations: Equations, model: Model, instrument: int) -> Array:
@@ -112,15 +158,23 @@ def _noise_products(equations: Equations, model: Model, instrument: int) -> Arra
 
 
 def sentences(bands: Sequence[Band]) -> list[str]:
-    """A sentence if the inertia of some band surely differs from the estimate's by more than RIGID_SHARE."""
-    sure = [band for band in bands if abs(band.inertia - 1) - band.error > RIGID_SHARE]
-    if not sure:
-        return []
-    band = min(sure, key=lambda band: band.frequency)
-    return [
-        f"At about {band.frequency:.2g} Hz the logs show {band.inertia:.2g} +- {band.error:.1g} times the "
-        "inertia of lower frequencies. Either the drive is not one rigid body, but has a flexible shaft, "
-        "coupling or belt, or errors of the logged angle hide the motion there. If it is not one rigid body, "
-        "the simulation is wrong near this frequency and above, and cogging at such frequencies may be wrong "
-        "by more than its error."
-    ]
+    """A sentence if some band surely differs from the estimate, or else if some band is hidden."""
+    for band in reversed(bands):
+        if ratio := band.elastic:
+            cause = "The drive is not one rigid body" + (
+                "" if ratio.value > 1 else ", or the logged current is filtered"
+            )
+            return [
+                f"{cause}: at about {band.frequency:.2g} Hz the inertia is {ratio.value:.2g} +- "
+                f"{ratio.error:.1g} times the inertia of lower frequencies. A flexible shaft, coupling or belt "
+                "does this. The simulation is wrong near this frequency and above. Cogging at such frequencies "
+                "may be wrong by more than its error."
+            ]
+    for band in reversed(bands):
+        if band.hidden:
+            return [
+                f"From about {band.frequency:.2g} Hz on, these logs do not show whether the drive is one "
+                "rigid body: errors of the angle may hide the motion there, the logged current may be "
+                "filtered, or a shaft, coupling or belt may be flexible."
+            ]
+    return []

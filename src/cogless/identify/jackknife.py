@@ -59,6 +59,18 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
+class Inertia:
+    """An inertia by some instrument, and its change without each block.
+
+    `product`: of instrument and acceleration.
+    """
+
+    value: float
+    moved: Array
+    product: float
+
+
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Coefficients by name, and their standard errors.
 
@@ -305,11 +317,10 @@ class Equations:
         """Weight of each log: the inverse of its residual's variance."""
         return self._solved(*self._with(ALONE[instrument]))[4]
 
-    def inertia(self, shares: Array, instrument: int) -> tuple[float, Array, float]:
-        """The inertia with these shares of the instruments, its change without each block, and their product.
+    def inertia(self, shares: Array, instrument: int) -> Inertia:
+        """The inertia with these shares of the instruments.
 
-        The product is that of instrument and acceleration. `instrument`: index of the instrument whose fit
-        weighs the logs.
+        `instrument`: index of the instrument whose fit weighs the logs.
         """
         place, weights = self.names.index(("j",)), self._weights(instrument)[self._log_of]
         matrices, vectors = self._with(shares)
@@ -317,7 +328,7 @@ class Equations:
         matrix = matrices.sum(axis=0)
         values, inverse = solved(matrix, vectors.sum(axis=0))
         moved = _without_each(matrices, vectors, values, inverse)
-        return float(values[place]), moved[:, place], float(matrix[place, place])
+        return Inertia(float(values[place]), moved[:, place], float(matrix[place, place]))
 
     @cached_property
     def _log_of(self) -> NDArray[np.intp]:
