@@ -55,11 +55,10 @@ class MapError(StudyError):
 class StoredMap:
     """What a law has learned, with the identity of its motor.
 
-    Entry [c, n] of `values` is entry n of channel c, at the mechanical angle 2 pi n turns / (parts cells),
-    rad. If turns = parts = 0, the entry is for sample n of a trial. If there is a channel of orders, the
-    entry is for the order in entry n of this channel. A rad in a unit is a rad of `ratio` times the
-    mechanical angle. `units`: a code for each channel, an index of CHANNEL_UNITS. `limits`: entries of each
-    channel are within +-limit.
+    `values[c, n]` is entry n of channel c. It is for the mechanical angle 2 pi n turns / (parts * cells),
+    rad; if turns = parts = 0, for sample n of a trial; if one channel contains orders, for the order in
+    entry n of that channel. `ratio`: angle in the units of the channels / mechanical angle. `units`: for
+    each channel, an index of CHANNEL_UNITS. `limits`: for each channel, the bound of its entries' magnitude.
     """
 
     values: Entries

@@ -101,7 +101,7 @@ class Results(AnyResults):
     """Results of a speed study.
 
     `limits`: for each scenario, what limits its best run; empty if no further runs were made to find this.
-    `learning_off`: for each scenario in which this was tried, what its best run leaves with learning off.
+    `learning_off`: for each scenario in which this was tried, the metric of its best run with learning off.
     """
 
     study: Study

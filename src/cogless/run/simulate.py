@@ -146,8 +146,8 @@ def rollout(
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
     Runs of similar drives are computed together, as many as the processor has vector lanes for; `Run.lanes`
-    is their number. Each run gives the same bits as alone. Runs with a switched inverter, a law in Python or
-    a load from a table are computed alone, and trials too.
+    is their number. Each run has the same results, bit for bit, as if it were computed alone. Trials, and
+    runs with a switched inverter, a law in Python or a load from a table, are computed alone.
 
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
     once its metrics are computed, so that thousands of runs fit into memory. `signals`: only these and the

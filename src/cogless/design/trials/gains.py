@@ -233,7 +233,10 @@ class TrialDesign(TrialParameters):
 
 
 def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
-    """Feedback, feedforward, and learning gain or why there is none; DesignError on any other fault."""
+    """Feedback, feedforward, and the learning gain or the reason why there is none.
+
+    DesignError: the design fails for another reason.
+    """
     n = plant.order
     _check(plant, settings)
     if settings.kind == "observer":
