@@ -56,7 +56,7 @@ class Target(Table):
     """Name of the metric that should have the target value."""
     value: Any
     """Target value of the metric, with a unit. For a metric of kind `order`: a list with one value for each
-    order."""
+    order. In a study of trials: a list with one value for each trial or phase."""
     weight: Annotated[float, Field(gt=0)] = 1.0
     """Factor by which the fit multiplies the relative deviation of the metric from `value`."""
 
@@ -344,8 +344,7 @@ class StudyBase(Table):
     metric: Many[Metric] = ()
     """Metrics that are computed from each run, each in a table `[[metric]]`."""
     calibration: Calibration | None = None
-    """Values that [`cogless calibrate`](/guide/calibrate.md) fits, and the measured metrics that it fits them
-    to."""
+    """Values that [`cogless calibrate`](/guide/calibrate.md) fits, and the measured values of the metrics."""
     vary: Annotated[Vary, StudyKeys()] | None = None
     """Keys whose values vary in an [ensemble](/guide/ensembles.md), and the distributions of these values."""
     tune: Tune | None = None

@@ -49,13 +49,14 @@ class Monitor(Table):
     from bus voltage, assumed flux and field weakening, but at least the no-load speed plus the resolution of
     the measured speed. With an ideal current loop: no check."""
     angle_step: AngleMagnitude | None = None  # rad
-    """Resolution of the measured angle. The angle may change by `omega_max` times a current-loop period plus
-    this step; a larger change is a jump. Default: one step of the position sensor; 1.5 steps with Hall
-    sensors."""
+    """Resolution of the measured angle. In a current-loop period the angle may change by `omega_max` times
+    this period plus `angle_step`; a larger change is a [jump](/laws/monitor.md#jumps). Default: one step of
+    the position sensor; 1.5 steps with Hall sensors."""
     speed_window: Time | None = None  # s
-    """Time over which the speed is measured. For this time after a jump of the angle the measured speed is
-    not plausible. Default: the key `window` with a moving average, ten time constants with an observer,
-    otherwise two periods of the law. A `speed_filter` adds ten of its time constants."""
+    """Time over which the position sensor measures the speed. For this time after a jump of the angle the
+    measured speed is not plausible. Default: the sensor's key `window` with the `speed_method` `average`; ten
+    time constants of the observer with `observer`; 0 with an ideal sensor; otherwise two periods of the law.
+    A `speed_filter` adds ten of its time constants."""
     stuck_angle: AngleMagnitude | None = None  # rad
     """The measured angle counts as [stuck](/laws/monitor.md#a-stuck-angle) only if it is constant while the
     reference turns by more than `stuck_angle`. Default: 0.5 rad plus two steps of the position sensor, but at
@@ -278,8 +279,8 @@ class CurrentReference(Table):
     """True: at high speed the drive chooses $i_d$ so that the voltage stays within its limit. If no $i_d$ is
     sufficient, the drive reduces the torque. False: $i_d$ follows only from `rule`."""
     voltage_share: Annotated[float, Field(gt=0, le=1)] = 0.95
-    """Voltage limit of `field_weakening`, as a share of the largest voltage. The rest is left for the current
-    controllers."""
+    """Voltage limit of `field_weakening`, as a share of the inverter's largest voltage. The rest is left for
+    the current controllers."""
 
 
 REACH_SHARE = 1 - 1e-5  # factor on the largest equivalent current: not above the C library's rounded value
@@ -384,7 +385,8 @@ class CurrentSensors(Table):
     noise: CurrentMagnitude = 0.0  # A rms
     """Standard deviation of the white noise of each current sensor."""
     bits: Annotated[int, Field(ge=0, le=32)] = 0
-    """Number of bits of the analog-to-digital converter. 0: the measured currents have no steps."""
+    """Number of bits of the analog-to-digital converter. 0: the measured currents have no steps and no
+    largest value."""
     range: CurrentLimit = 10.0  # A
     """Largest current that the analog-to-digital converter measures: its range is from -`range` to
     +`range`."""

@@ -246,7 +246,7 @@ class Accelerometer(Table):
     """Largest time by which a log begins later than its run. The time is drawn at random for each log."""
     logs: Annotated[int, Field(ge=1, le=100)] = 1
     """Number of logs that are written for each run. Each log has its own random noise, clock error and
-    begin."""
+    start."""
 
 
 class Belt(Table):

@@ -104,8 +104,8 @@ class Metric(Table):
     """Time of an event, such as a load step, at which the window begins. `dip`, `settling` and `overshoot`
     measure the effect of this event."""
     band: float | None = None  # SI
-    """For `settling` and `exceeds`: half of the width of the band. For `time-to-learn`: the largest allowed
-    rms of the signal. In the signal's unit."""
+    """For `settling` and `exceeds`: half of the width of the band, in the signal's unit. For `time-to-learn`:
+    the largest allowed rms of the signal."""
     floor: float | None = None  # SI
     """For `trials-to-floor`: the rms that a trial must reach, in the signal's unit."""
     smooth: Duration | None = None  # s

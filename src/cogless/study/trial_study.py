@@ -98,14 +98,17 @@ class Deviations(Table):
     """How far start and load of a trial are from those of its phase."""
 
     initial_angle: AngleMagnitude | None = None  # rad
-    """Size of the random deviation of a drive's initial angle."""
+    """Deviation of a drive's initial angle: in `normal` its standard deviation, in `uniform` its largest
+    magnitude."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
-    """Size of the random deviation of a drive's initial speed."""
+    """Deviation of a drive's initial speed: in `normal` its standard deviation, in `uniform` its largest
+    magnitude."""
     initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Sizes of the random deviation of a linear plant's initial state, one number for each state."""
+    """Deviations of a linear plant's initial state, one number for each state: in `normal` their standard
+    deviations, in `uniform` their largest magnitudes."""
     load: LoadMagnitude | None = None
-    """Size of the random deviation of the load, which is constant in a trial and is added to the
-    `load_steps`."""
+    """Deviation of the load, which is constant in a trial and is added to the `load_steps`: in `normal` its
+    standard deviation, in `uniform` its largest magnitude."""
 
 
 class EachTrial(Table):

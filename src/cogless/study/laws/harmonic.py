@@ -56,9 +56,9 @@ class Harmonic(Feedback, LearnsWhileRunning):
     """PI with learned harmonics of the motor's ripple."""
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
     """Lowest order that the law learns, in waves per mechanical revolution. The law learns only multiples of
-    `base`. Default: the greatest common divisor of `slots` and poles, or a multiple of this divisor that
-    [reaches the main order](/laws/harmonic.md#the-rule). If you give `base`, each order acts up to the speed
-    at which its phase advances by 2.6 rad per sample of the law."""
+    `base`. Default: the greatest common divisor of `slots` and poles, or in some cases [a multiple of this
+    divisor](/laws/harmonic.md#the-rule). If you give `base`, each order acts up to the speed at which its
+    phase advances by 2.6 rad per sample of the law."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of the learned current, and of the cosine and the sine coefficient of each order.
     Default: `current_limit` of the drive."""

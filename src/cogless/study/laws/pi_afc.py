@@ -24,7 +24,8 @@ class PiAfc(Feedback, LearnsWhileRunning):
     orders: Many[int]  # mechanical
     """Orders that the law learns, in waves per mechanical revolution and in rising order, at most 16."""
     gain: SpeedIntegralGain  # A/rad
-    """Learning gain $g$ ([equations](/laws/pi-afc.md#equations)): current per time and speed error."""
+    """Learning gain $g$ ([equations](/laws/pi-afc.md#equations)): change of a learned coefficient (a current)
+    per time and per speed error."""
     lead: StartTime = 0.0  # s
     """Delay from the current to the measured speed. The present error corrects the coefficients at the angle
     that the rotor had this long ago. The delay is not rounded to samples."""

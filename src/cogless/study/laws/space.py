@@ -84,7 +84,8 @@ class SpaceLearning(LearnsWhileRunning):
     speed-loop samples that a period may have."""
     q_half_width: Annotated[int, Field(ge=0)] = 5
     """Half width of the [Q filter](/theory/learning-in-angle.md#q-filter), which averages each entry of the
-    map or sample of the delay line with this many on each side. 0: no Q filter, as in the paper."""
+    map, or each sample of the delay line, with this many neighbours on each side. 0: no Q filter, as in the
+    paper."""
     # learning gains of alpha, beta and h; rad in their units refers to the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
     r"""Learning gain of $\alpha$, the learned current that depends only on the angle. 0: $\alpha$ is not

@@ -23,14 +23,13 @@ class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
-    """Frequency at which the gain of the filter is one half, forward and backward pass together. It must be
-    below half the sampling rate."""
+    """Frequency at which the forward and the backward pass of the filter together have the gain one half. It
+    must be below half the sampling rate."""
     order: Annotated[int, Field(ge=1, le=4)] = 2
     """Order of the Butterworth filter, which runs once in each direction."""
     ends: Ends = "even"
-    """How the filter continues the filtered signal by reflection beyond both ends of the trial. `even`: the
-    filter never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: noise near the ends is
-    amplified."""
+    """How the filter continues the signal, by reflection, beyond both ends of the trial. `even`: the filter
+    never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: noise near the ends is amplified."""
 
 
 class QFilter(SignalFilter):
@@ -261,7 +260,7 @@ class ObserverIlc(TrialLaw):
     """Cut-off frequency of the filter on the learned signal $v$. Default: [a
     rule](/theory/trial-design.md#learning-the-missing-input) computes it."""
     ends: Ends = "even"
-    """How the filter continues the learned signal by reflection beyond both ends of the trial. `even`: the
+    """How the filter continues the learned signal, by reflection, beyond both ends of the trial. `even`: the
     filter never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: noise near the ends is
     amplified."""
 
@@ -321,8 +320,8 @@ class DesignSettings(Table):
     they leave this out."""
     state_weight: Weight
     """Weight $Q$ of [the cost (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost), a positive
-    definite matrix: its diagonal, or its rows. The last entry is for the integrator. Without this entry,
-    every `trial-ilc` and `norm-optimal` must have `integral = false`."""
+    definite matrix, given by its diagonal or by its rows. The last entry is for the integrator. Without this
+    entry, every `trial-ilc` and `norm-optimal` must have `integral = false`."""
     input_weight: Annotated[float, Field(gt=0)]
     """Weight $R$ of the input in [the cost
     (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost)."""
