@@ -26,7 +26,7 @@ class Adrc(Base):
     loop."""
     tuning: AutoTuning | None = None
     """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
-    table leaves out. Default: no rule, so the table must have all required keys."""
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
 

@@ -75,7 +75,7 @@ class RobustIlc(Learning):
     """Coulomb part of the friction that the controller assumes, as a deceleration."""
     tuning: AutoTuning | None = None
     """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
-    table leaves out. Default: no rule, so the table must have all required keys."""
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),

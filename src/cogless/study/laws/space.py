@@ -346,7 +346,7 @@ class SpaceSpeed(SpaceLearning):
     """Speed error above which the law does not learn."""
     tuning: AutoTuning | None = None
     """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
-    table leaves out. Default: no rule, so the table must have all required keys."""
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"k": 0.0, "eta_bar": 1.0, **MECHANICAL}
 
