@@ -37,21 +37,33 @@ def table(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="Folder that cogless identify wrote, or a stored map. With --from: a table of that drive.",
+            help="Folder that `cogless identify` wrote, or a stored map. With --from: the table of a drive.",
         ),
     ],
     to: Annotated[
         str | None,
-        typer.Option("--to", metavar="DRIVE", help="Drive that the table is for.", show_default=False),
+        typer.Option(
+            "--to",
+            metavar="DRIVE",
+            help="Drive for which to write the table, by its name in `cogless drives`. Required.",
+            show_default=False,
+        ),
     ] = None,
     output: Annotated[
         Path | None,
         output_option(
-            "File for the table. Without -o the table is described, but not written.", "FILE", False
+            "File for the table. Without -o, the command describes the table, but does not write it.",
+            "FILE",
+            False,
         ),
     ] = None,
     from_: Annotated[
-        str | None, typer.Option("--from", metavar="DRIVE", help="Drive whose table SOURCE is.")
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="DRIVE",
+            help="Drive from which the table in SOURCE comes, by its name in `cogless drives`.",
+        ),
     ] = None,
     drive_config: Annotated[
         Path | None,
@@ -62,13 +74,15 @@ def table(
         typer.Option(
             "--shift",
             metavar="ANGLE",
-            help="Mechanical angle that the --to drive shows where SOURCE's angle is zero.",
+            help="Mechanical angle that the --to drive shows where the angle in SOURCE is zero.",
         ),
     ] = None,
     reverse: Annotated[
         bool,
         typer.Option(
-            "--reverse", help="The --to drive counts angle and current in the opposite direction to SOURCE."
+            "--reverse",
+            help="For a --to drive that counts angle and current in the opposite direction to SOURCE. "
+            "Needs --shift.",
         ),
     ] = False,
     current: Annotated[
@@ -76,7 +90,8 @@ def table(
         typer.Option(
             "--current",
             metavar="CURRENT",
-            help="Current of the printer's motor, A rms. cogless warns if the logs have another current.",
+            help="Only for printers: rms current of the motor, in A. cogless warns if the logs have another "
+            "current.",
         ),
     ] = None,
     study: Annotated[
@@ -84,21 +99,22 @@ def table(
         typer.Option(
             "--study",
             metavar="DIR",
-            help="Also write a study into DIR, with the motor under the drive's own control law.",
+            help="Also write a study into the folder DIR, which simulates the motor with the drive's own "
+            "control law.",
         ),
     ] = None,
     encoder: Annotated[
         bool,
         typer.Option(
             "--encoder",
-            help="Write the correction of the drive's encoder instead of the cogging table.",
+            help="Write a table against the angle error of the drive's encoder instead of a cogging table.",
         ),
     ] = False,
 ) -> None:
     """Write a cogging table in a drive's own format.
 
-    Prints how much of the cogging the drive's interpolation and rounding leave, how to install and remove the
-    table, and how to check its sign. `cogless drives` lists the tables that cogless writes.
+    Prints how much cogging remains because the drive rounds and interpolates the table, how to install and
+    remove the table, and how to check its sign. `cogless drives` lists the tables that cogless writes.
     """
     from cogless.drives.adapter import TableFrame
     from cogless.drives.holding_current import residue

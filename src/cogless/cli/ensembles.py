@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def sweep(
     study: StudyArgument,
-    count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Number of variants to draw.")] = 1000,
+    count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Number of random variants.")] = 1000,
     output: OutputOption = None,
     only: OnlyOption = None,
     changes: SetOption = None,
@@ -44,20 +44,25 @@ def sweep(
     shard: Annotated[
         str | None,
         typer.Option(
-            "--shard", metavar="I/N", help="Run only part I of N parts, such as 3/20, as in a job array."
+            "--shard",
+            metavar="I/N",
+            help="Run only part I of N parts of the variants, such as 3/20 in a job array.",
         ),
     ] = None,
     merge: Annotated[
-        bool, typer.Option("--merge", help="Combine the finished shards in the output directory.")
+        bool,
+        typer.Option(
+            "--merge", help="Combine the results of all --shard parts, which are in the output directory."
+        ),
     ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Run random variants of a study, and show how much each metric spreads and which values cause it.
+    """Run random variants of a study. Show how much each metric varies, and which varied values cause this.
 
-    The table `vary` of the study says what varies.
+    The table `vary` of the study names the values that vary.
 
-    Writes sweep.parquet, with a row for each run, and report.html. If you repeat the command, it goes on
-    where it stopped. A larger -n adds variants.
+    Writes sweep.parquet, with a row for each run, and report.html. If you repeat the command, it
+    continues where it stopped. A larger -n adds variants.
     """
     from cogless.ensemble import sweep as sweeping
     from cogless.ensemble import sweep_table
@@ -98,11 +103,11 @@ def tune(
     dask: DaskOption = None,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Choose the gains with which a metric is best, and check them on fresh variants of the study.
+    """Search the gains with which a metric is best, and check these gains on new variants of the study.
 
-    The table `tune` of the study says which gains and which metric. Writes STUDY-tuned.toml, a copy of the
-    study with the better values, and report.html, which compares before and after. If you repeat the command,
-    it goes on where it stopped.
+    The table `tune` of the study names the gains and the metric. Writes STUDY-tuned.toml, a copy of the study
+    with the better gains, and report.html, which compares them with the gains before. If you repeat the
+    command, it continues where it stopped.
     """
     from cogless.ensemble import search, sweep_table
     from cogless.ensemble import tune as tuning

@@ -31,22 +31,27 @@ EXIT_DIFFERENT = 1
 
 def export(
     study: StudyArgument,
-    to: Annotated[str, typer.Option("--to", metavar="c|fmu", help="Form of the export.", show_default=False)],
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="c|fmu", help="Form of the export: C code or FMUs.", show_default=False),
+    ],
     output: Annotated[
         Path,
-        output_option("Folder of the export. With --to c it must be new, empty, or from an earlier export."),
+        output_option("Folder for the export. With --to c it must be new, empty, or from an earlier export."),
     ],
     controller: ControllerOption = None,
     scenario: ScenarioOption = None,
     changes: SetOption = None,
 ) -> None:
-    """Write a controller for firmware (c), or for other simulators (fmu).
+    """Write a controller as C code for firmware, or as FMUs for other simulators.
 
-    c: code and constants of the controller, a self-test and an example. The self-test repeats the beginning
-    of the scenario. For a linear plant and for the law microstepping, the export has the law without a drive.
+    With --to c: code and constants of the controller, a self-test and an example. The self-test repeats the
+    beginning of the scenario. For a linear plant, and for the law microstepping, the code contains the law
+    without a drive.
 
-    fmu: one FMU of the controller, and one of the whole drive in the scenario, with the controller inside.
-    Each is for FMI 2.0 and 3.0 (co-simulation). Your C and C++ compilers (CC and CXX) build them.
+    With --to fmu: one FMU of the controller alone, and one of the whole drive in the scenario, which contains
+    the controller. Each FMU is for FMI 2.0 and 3.0 (co-simulation). Your C and C++ compilers build the FMUs;
+    the environment variables CC and CXX name them.
     """
     from cogless.export.prepared import first_scenario
 
@@ -102,17 +107,17 @@ def pil(
         typer.Option(
             "--compiler",
             metavar="gcc|zig",
-            help="Cross compiler to use.",
+            help="Cross compiler that builds the controller for the Cortex-M4F.",
             show_default="gcc if installed, else zig",
         ),
     ] = None,
     changes: SetOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
 ) -> None:
-    """Run the exported controller on an emulated Cortex-M4F, in closed loop with the simulated plant.
+    """Run a controller on an emulated Cortex-M4F, in closed loop with the simulated motor.
 
-    Compares every output of every period and all learned values with the simulation, bit for bit. Counts
-    instructions, stack, flash and RAM. The exit code is 1 if anything differs.
+    Compares all outputs of each period, and all learned values, with those of the simulation, bit for bit.
+    Counts instructions, stack, flash and RAM. The exit code is 1 if a value differs.
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
@@ -148,7 +153,8 @@ def map_(
             "--csv",
             parser=place,
             metavar="FILE",
-            help="Write the entries of the newest map to this file, as CSV. With - as the file, print them.",
+            help="Write the entries of the newest map to this file, as CSV. If the file is -, print the "
+            "entries.",
         ),
     ] = None,
     output: Annotated[
@@ -160,12 +166,12 @@ def map_(
         typer.Option(
             "--motor",
             metavar="ID",
-            help="Only with --output: identity for the written map. Your firmware gives this number to its "
-            "motor, such as 0x1F2E3D4C.",
+            help="Identity of the motor in the map that --output writes: the number that your firmware gives "
+            "to its motor, such as 0x1F2E3D4C.",
         ),
     ] = None,
 ) -> None:
-    """Show learned maps as firmware stores them: each map's motor and content, or why it is not valid.
+    """Show the learned maps in a file from firmware: the motor and content of each, or why it is not valid.
 
     The newest map is the one that firmware would load. The exit code is 2 if no map is valid.
     """

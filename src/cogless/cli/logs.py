@@ -36,7 +36,8 @@ def identify(
         typer.Option(
             "--config",
             metavar="FILE",
-            help="TOML file: what the columns of the logs mean, known values of the motor, kind of each log.",
+            help="TOML file with the meaning of the logs' columns, known values of the motor, and each log's "
+            "kind.",
         ),
     ] = None,
     drive: Annotated[
@@ -44,8 +45,8 @@ def identify(
         typer.Option(
             "--drive",
             metavar="NAME",
-            help="Drive that wrote the logs, by its name in `cogless drives`. --config then needs no "
-            "columns.",
+            help="Drive that wrote the logs, by its name in `cogless drives`. The file of --config then "
+            "needs no columns.",
         ),
     ] = None,
     drive_config: Annotated[
@@ -53,7 +54,7 @@ def identify(
         typer.Option(
             "--drive-config",
             metavar="FILE",
-            help="File with the drive's configuration, such as its own dump.",
+            help="File with the configuration of the drive, such as a dump that the drive wrote.",
         ),
     ] = None,
     output: Annotated[
@@ -69,14 +70,17 @@ def identify(
             help="Write a plan of the motions to record, for the motor of this study (name or file).",
         ),
     ] = None,
-    plots: Annotated[bool, typer.Option("--plots", help="Also write a PNG picture of the orders.")] = False,
+    plots: Annotated[
+        bool, typer.Option("--plots", help="Also write orders.png, a picture of the orders.")
+    ] = False,
 ) -> None:
-    """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
+    """Find a motor's inertia, friction, cogging and K_t ripple in the logs of its drive.
 
-    From logs of an accelerometer on a printer's axis, find the correction of the axis's step motor.
+    If the logs are those of an accelerometer on an axis of a printer, find the correction of the ripple of
+    this axis's step motor.
 
-    Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs do
-    not show is left out, and a sentence says what to record.
+    Writes motor.toml, a study.toml that you can run, an anti-cogging table, and report.html. If the logs do
+    not show a value, the command leaves this value out, and says what to record for it.
     """
     from cogless.results.folder import locked_folder, new_set
 
@@ -231,18 +235,21 @@ def diagnose(
         typer.Option(
             "--config",
             metavar="FILE",
-            help="TOML file: what the columns of the logs mean, known values of the motor, kind of each log.",
+            help="TOML file with the meaning of the logs' columns, known values of the motor, and each log's "
+            "kind.",
         ),
     ],
     output: Annotated[
         Path | None,
-        output_option("Directory for diagnosis.json and report.html."),
+        output_option(
+            "Directory for diagnosis.json and report.html. Without -o, the command writes no files."
+        ),
     ] = None,
 ) -> None:
-    """Say where the ripple in a drive's logs comes from.
+    """Say what causes the ripple in the logs of a drive.
 
-    For each order, at the speed and load of each log: the shares of cogging, K_t ripple, dead time, offset
-    and gain of the current sensors, encoder and mechanics. Also how certain each share is.
+    Prints, for each order of the ripple at the speed and load of each log, the shares of cogging, K_t ripple,
+    dead time, offset and gain of the current sensors, encoder and mechanics, and how certain each share is.
     """
     from cogless.identify import diagnosis
 

@@ -48,20 +48,24 @@ def _number(flag: str, help: str) -> Any:
 
 
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="The study's file, with or without .toml.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="File of the study, with or without .toml.")],
     motor: Annotated[
         Text,
         _name(
             "--motor",
-            "Class of the motor: gimbal, drone, direct-drive, hub, servo, spindle, nema17, nema23, own.",
+            "Class of your motor: gimbal, drone, direct-drive, hub, servo, spindle, nema17, nema23, own. Or "
+            "the name of a motor in `cogless list`.",
         ),
     ] = None,
     drive: Annotated[
-        Text, _name("--drive", "The drive: generic, moteus, odrive, vesc, simplefoc, stepper.")
+        Text, _name("--drive", "Drive of the motor: generic, moteus, odrive, vesc, simplefoc, stepper.")
     ] = None,
     encoder: Annotated[
         Text,
-        _name("--encoder", "The sensor: as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall."),
+        _name(
+            "--encoder",
+            "Position sensor: as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall.",
+        ),
     ] = None,
     pole_pairs: Annotated[
         Text, _number("--pole-pairs", "Half the number of magnets around the rotor.")
@@ -69,7 +73,7 @@ def new(
     magnets: Annotated[
         Text, typer.Option("--magnets", hidden=True, help="Refused: --pole-pairs is the flag.")
     ] = None,
-    slots: Annotated[Text, _number("--slots", "Teeth of the stator.")] = None,
+    slots: Annotated[Text, _number("--slots", "Number of slots (teeth) of the stator.")] = None,
     kv: Annotated[Text, _number("--kv", "No-load speed per volt of the supply, in r/min per V.")] = None,
     torque_constant: Annotated[
         Text, _number("--torque-constant", "Torque per ampere of a phase (peak, not rms), in N*m/A.")
@@ -82,14 +86,16 @@ def new(
         Text,
         _number(
             "--resistance",
-            "Between two terminals, in ohm; of one phase: '0.28 ohm/phase'. For a step motor: of one coil.",
+            "Resistance between two terminals, in ohm, or of one phase: '0.28 ohm/phase'. Step motor: of one "
+            "coil.",
         ),
     ] = None,
     inductance: Annotated[
         Text,
         _number(
             "--inductance",
-            "Between two terminals, in mH; of one phase: '0.55 mH/phase'. For a step motor: of one coil.",
+            "Inductance between two terminals, in mH, or of one phase: '0.55 mH/phase'. Step motor: of one "
+            "coil.",
         ),
     ] = None,
     inertia: Annotated[Text, _number("--inertia", "Inertia of rotor and load together, in kg*m^2.")] = None,
@@ -97,15 +103,15 @@ def new(
         Text,
         _number(
             "--load-inertia",
-            "Inertia of the load alone, in kg*m^2, usually at most 10 times the rotor's. The rotor's is "
-            "guessed.",
+            "Inertia of the load alone, in kg*m^2, usually at most 10 times the rotor's inertia, which is "
+            "then a guess.",
         ),
     ] = None,
     rated_current: Annotated[
         Text,
         _number(
             "--rated-current",
-            "Continuous current (peak of a phase), in A. For a step motor: of one coil.",
+            "Continuous current (peak of a phase), in A. For a step motor: current of one coil.",
         ),
     ] = None,
     rated_torque: Annotated[Text, _number("--rated-torque", "Continuous torque, in N*m.")] = None,
@@ -115,12 +121,17 @@ def new(
     detent_torque: Annotated[
         Text, _number("--detent-torque", "Torque needed to turn a step motor without current, in N*m.")
     ] = None,
-    step_angle: Annotated[Text, _number("--step-angle", "Full step of a step motor, in deg.")] = None,
-    cogging: Annotated[
-        Text, _number("--cogging", "Cogging torque of all orders together, half of peak to peak, in N*m.")
+    step_angle: Annotated[
+        Text, _number("--step-angle", "Angle of a full step of a step motor, in deg.")
     ] = None,
-    friction: Annotated[Text, _number("--friction", "Friction torque of the turning rotor, in N*m.")] = None,
-    bits: Annotated[Text, _number("--bits", "Bits of an absolute encoder.")] = None,
+    cogging: Annotated[
+        Text,
+        _number(
+            "--cogging", "Cogging torque of all orders together: half of the peak-to-peak value, in N*m."
+        ),
+    ] = None,
+    friction: Annotated[Text, _number("--friction", "Friction torque while the rotor turns, in N*m.")] = None,
+    bits: Annotated[Text, _number("--bits", "Number of bits of an absolute encoder.")] = None,
     cpr: Annotated[
         Text, _number("--cpr", "Counts per revolution of an incremental encoder, 4 times its lines (PPR).")
     ] = None,
@@ -135,18 +146,21 @@ def new(
     speed: Annotated[
         list[str] | None, _number("--speed", "A speed that matters to you, in r/min. Repeatable.")
     ] = None,
-    load: Annotated[Text, _number("--load", "Constant torque of the load, in N*m.")] = None,
+    load: Annotated[Text, _number("--load", "Constant load torque, in N*m.")] = None,
     page: Annotated[
-        bool, typer.Option("--live", help="Also write live.html, the page that `cogless live` opens.")
+        bool,
+        typer.Option("--live", help="Also write NAME-live.html, the page of `cogless live`, and open it."),
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the file of the study if it exists.")
+    ] = False,
 ) -> None:
-    """Write a first study of your motor, and say which of its guesses matter most.
+    """Write a first study of your motor, and say which guesses in this study matter most.
 
-    Give the numbers you know, with a unit or in the unit below. On a terminal, cogless asks for the most
-    important ones that you left out.
+    Give the numbers that you know, with a unit or in the unit that is named below. On a terminal, cogless
+    asks for the most important numbers that you left out.
 
-    All other numbers are guesses. The file marks each guess with its range and its reason.
+    All other numbers are guesses. The file marks each guess, and gives its range and the reason for it.
     """
     options = locals()  # the arguments above, by name
     from cogless.starter.request import NUMBERS

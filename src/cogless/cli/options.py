@@ -57,7 +57,8 @@ SetOption = Annotated[
         "--set",
         metavar="KEY=VALUE",
         autocompletion=complete_change,
-        help="Change a value, such as controller.pi.kp=0.02. A bare number keeps the file's unit.",
+        help="Change a value of the study, such as controller.pi.kp=0.02. A number without a unit has the "
+        "unit of the value in the study's file.",
     ),
 ]
 
@@ -78,7 +79,7 @@ ControllerOption = Annotated[
     typer.Option(
         "--controller",
         metavar="NAME",
-        help="Controller of the study. Required.",
+        help="Name of the controller in the study. Required.",
         show_default=False,
         autocompletion=complete_controller,
     ),
@@ -89,7 +90,7 @@ ScenarioOption = Annotated[
     typer.Option(
         "--scenario",
         metavar="NAME",
-        help="The scenario in which the controller runs.",
+        help="Name of the scenario in which the controller runs.",
         autocompletion=complete_scenario,
         show_default="the first scenario that has the controller",
     ),
@@ -99,7 +100,7 @@ LimitsOption = Annotated[
     bool | None,
     typer.Option(
         "--limits/--no-limits",
-        help="Find what limits each scenario's best run, by about a dozen further runs.",
+        help="Find out what limits the best run of each scenario, by one or two dozen further runs.",
         show_default="on, unless the runs take long or run your own code",
     ),
 ]
@@ -109,7 +110,8 @@ OnlyOption = Annotated[
     typer.Option(
         "--only",
         metavar="SCENARIO/CONTROLLER",
-        help="Run only these pairs. * stands for any text, ? for any character. Repeatable.",
+        help="Run only these pairs of scenario and controller. * stands for any text, ? for any character. "
+        "Repeatable.",
         autocompletion=complete_run,
     ),
 ]
@@ -117,19 +119,25 @@ OnlyOption = Annotated[
 OutputOption = Annotated[
     Path | None,
     output_option(
-        "Directory of the results.",
+        "Directory for the results.",
         show_default="results/NAME: the name of the study, or for study.toml of its folder",
     ),
 ]
 
 DaskOption = Annotated[
     str | None,
-    typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://node1:8786."),
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS",
+        help="Run on the Dask cluster with this address, such as tcp://node1:8786.",
+    ),
 ]
 
 NoCodeOption = Annotated[
     bool,
-    typer.Option("--no-code", help="Refuse a study that runs code of its own (Python or a library)."),
+    typer.Option(
+        "--no-code", help="Refuse a study that runs code from files of its own (Python or a library)."
+    ),
 ]
 
 

@@ -165,22 +165,23 @@ def _option(name: str, metavar: str, help: str) -> Any:
 
 
 def stripe(
-    spacing: Annotated[str, _option("--spacing", "LENGTH", "Distance from stripe to stripe, in mm.")],
+    spacing: Annotated[str, _option("--spacing", "LENGTH", "Distance from one stripe to the next, in mm.")],
     speed: Annotated[str, _option("--speed", "SPEED", "Print speed of the wall, in mm/s.")],
     pulley: Annotated[
-        int, typer.Option("--pulley", min=4, metavar="TEETH", help="Teeth of the motor's pulley.")
+        int, typer.Option("--pulley", min=4, metavar="TEETH", help="Number of teeth of the motor's pulley.")
     ] = 20,
     step_angle: Annotated[
-        str, typer.Option("--step-angle", metavar="ANGLE", help="Full step of the motor, in degrees.")
+        str,
+        typer.Option("--step-angle", metavar="ANGLE", help="Angle of a full step of the motor, in degrees."),
     ] = "1.8",
     belt_pitch: Annotated[
-        str, typer.Option("--belt-pitch", metavar="LENGTH", help="Pitch of the belt, in mm.")
+        str, typer.Option("--belt-pitch", metavar="LENGTH", help="Length of the belt per tooth, in mm.")
     ] = "2",
     diagonal: Annotated[
         bool,
         typer.Option(
             "--diagonal",
-            help="The wall runs along a diagonal of a CoreXY printer, so that only one motor moves.",
+            help="For a wall along a diagonal of a CoreXY printer, so that only one motor moves.",
         ),
     ] = False,
 ) -> None:

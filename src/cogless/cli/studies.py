@@ -50,21 +50,25 @@ def run(
     output: OutputOption = None,
     only: OnlyOption = None,
     changes: SetOption = None,
-    plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
-    no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
+    plots: Annotated[
+        bool, typer.Option("--plots", help="Also write the pictures of the report as PNG files.")
+    ] = False,
+    no_traces: Annotated[
+        bool, typer.Option("--no-traces", help="Do not write traces.nc, the recorded signals.")
+    ] = False,
     with_page: Annotated[
-        bool, typer.Option("--live", help="Also write live.html, the page that `cogless live` opens.")
+        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
     ] = False,
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
-    every_metric: Annotated[bool, typer.Option("--all", help="Also print all metrics.")] = False,
+    every_metric: Annotated[bool, typer.Option("--all", help="Also print all metrics of each run.")] = False,
 ) -> None:
     """Simulate a study (every controller in every scenario) or an arena (every law on every plant).
 
-    Prints the verdict on each scenario and writes results.json, traces.nc and report.html.
+    Prints a verdict on each scenario, and writes results.json, traces.nc and report.html.
 
-    Ctrl-C and SIGTERM keep the runs that are finished.
+    Ctrl-C and SIGTERM stop the command, which then keeps the finished runs.
     """
     from cogless.design.kinds import DESIGNS
     from cogless.results.folder import locked_folder
@@ -233,16 +237,16 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
 def design(
     study: StudyArgument,
     changes: SetOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON, in SI units.")] = False,
     whole: Annotated[bool, typer.Option("--long", help="Print all numbers as a table.")] = False,
 ) -> None:
     """Predict without a run whether each controller's learning settles and how fast. Show margins and gains.
 
-    For a study of speed: the gains (given or from a tuning rule), the loop's margins, and whether learning
-    settles.
+    For a study of speed, prints the gains (given or from a tuning rule), the stability margins of the loop,
+    and whether learning settles.
 
-    For a study of trials, which repeat one motion: the gains (given or computed), and whether the error is
-    proven to fall from trial to trial.
+    For a study of trials, which repeat one motion, prints the gains (given or computed), and whether it is
+    proven that the error falls from trial to trial.
     """
     from cogless.design.kinds import DESIGNS
 
@@ -264,10 +268,10 @@ def calibrate(
 ) -> None:
     """Fit parameters of a study so that its metrics reach target values.
 
-    The table `calibration` of the study names the parameters and targets. Prints the fitted values as lines
-    for the study, and the target and the fitted value of each metric. Changes no file.
+    The table `calibration` of the study names the parameters and targets. Prints the fitted parameters as
+    lines to paste into the study, and the target and the simulated value of each metric. Changes no file.
 
-    Ctrl-C prints the best fit so far.
+    Ctrl-C stops the fit and prints the best parameters so far.
     """
     from cogless.run.calibrate import calibrate as fit_study
     from cogless.run.calibrate import residual_rows
@@ -345,13 +349,14 @@ def live(
     study: StudyArgument,
     output: Annotated[
         Path | None,
-        output_option("The page.", "FILE", show_default="STUDY-live.html"),
+        output_option("File of the page.", "FILE", show_default="STUDY-live.html"),
     ] = None,
     own_motor: Annotated[
         bool,
         typer.Option(
             "--own-motor",
-            help="Add fields for the values of your own motor. The controllers use these values, too.",
+            help="Add fields to the page for the values of your own motor. The controllers use these values, "
+            "too.",
         ),
     ] = False,
     limits: LimitsOption = None,
@@ -359,9 +364,10 @@ def live(
     changes: SetOption = None,
     closed: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
 ) -> None:
-    """Write a page that runs a study in the browser, and open it: change a gain, and see the ripple change.
+    """Write a page that runs a study in the browser, and open it. The page shows how gains change the ripple.
 
-    One HTML file with the engine and the control laws inside. It needs no network and no installation.
+    The page is one HTML file, which contains the engine and the control laws. It needs no network and no
+    installation.
     """
     from cogless.live import check, left_out, write
 

@@ -32,31 +32,33 @@ class FitParameter(Table):
     """
 
     key: str
-    """Dotted key of the quantity to fit, such as `mechanics.inertia`."""
+    """Dotted key of the value to fit, such as `mechanics.inertia`."""
     scenario: str | None = None
-    """Scenario in whose `override` the key stands. Default: the key is one of the study itself."""
+    """Scenario for which the value is fitted: the fitted value belongs into its `override`. Default: the
+    value is fitted for all scenarios."""
     initial: str | float | None = None
     """Value at which the fit starts. Default: the value in the study."""
     lower: str | float | None = None
-    """Lower bound: a text with a unit, or a number in the unit of the value in the study. Default: none."""
+    """Lower bound of the fitted value: a text with a unit, or a number in the unit of the value in the study.
+    Default: no bound."""
     upper: str | float | None = None
-    """Upper bound, written like `lower`."""
+    """Upper bound of the fitted value, written like `lower`. Default: no bound."""
 
 
 class Target(Table):
     """The value that a metric should have in a run; a list for kind "order" and in studies of trials."""
 
     scenario: str
-    """Scenario of the run."""
+    """Scenario of the run whose metric should have the target value."""
     controller: str
-    """Controller of the run."""
+    """Controller of the run whose metric should have the target value."""
     metric: str
-    """Name of the metric."""
+    """Name of the metric that should have the target value."""
     value: Any
-    """Value that the metric should have, with a unit. Kind `order` takes a list with one value for each
-    order."""
+    """Target value of the metric, with a unit. For a metric of kind `order`: a list with one value for each
+    order. In a study of trials: a list with one value for each trial or phase."""
     weight: Annotated[float, Field(gt=0)] = 1.0
-    """Weight of this target's relative deviation in the fit."""
+    """Factor by which the fit multiplies the relative deviation of the metric from `value`."""
 
     def values(self, metric: Metric, count: int) -> tuple[float, ...]:
         """The target values in SI. Refuses another number of values than `count`, and an invalid value."""
@@ -71,9 +73,9 @@ class Calibration(Table):
     """A fit of parameters by least squares of the relative deviations from the targets."""
 
     parameters: Many[FitParameter]
-    """Quantities to fit."""
+    """Values of the study that `cogless calibrate` fits."""
     targets: Many[Target]
-    """Values that the metrics should have."""
+    """Measured values that the metrics of the fitted study should have."""
 
     @field_validator("parameters", "targets")
     @classmethod
@@ -95,19 +97,21 @@ class Distribution(Table):
     """
 
     uniform: Number | Many[Number] | None = None
-    """Evenly distributed. One number: the largest deviation from the study's value, to both sides. Two
-    numbers: the limits. Write them with the key's unit, or in % of the study's value."""
+    """All values between two limits are equally likely. One number, with the key's unit or in %: the largest
+    deviation from the study's value to both sides. Two numbers with the key's unit: the limits. Two numbers
+    in %: their deviations from the study's value, such as `["-10 %", "20 %"]`."""
     log: Number | Many[Number] | None = None
-    """The logarithm is evenly distributed between two limits. One number, such as `"50 %"`: the limits are
-    the study's value divided by 1.5 and times 1.5."""
+    """The logarithm of the value is uniformly distributed between two limits. One number, such as `"50 %"`:
+    the limits are the study's value divided by 1.5 and multiplied by 1.5. Two numbers: the limits."""
     normal: Number | Many[Number] | None = None
-    """Normally distributed. One number: the standard deviation around the study's value. Two numbers: mean
-    and standard deviation. Values are cut off at three standard deviations."""
+    """The value is normally distributed, cut off at three standard deviations. One number: the standard
+    deviation; the mean is the study's value. Two numbers: mean and standard deviation."""
     corners: Number | Many[Number] | None = None
-    """One of two limits, each equally often. The limits are written as for `uniform`. With several such keys,
-    all combinations of their limits."""
+    """The value is one of two limits, both equally likely. The limits are written as for `uniform`. If
+    several keys have `corners`, all combinations of their limits occur."""
     list: Many[Any] | None = None
-    """One of these values, each equally often. They are numbers, texts, or whatever else the key takes."""
+    """The value is one of the listed values, all equally likely. A listed value is a number, a text, or
+    whatever else the key takes."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -131,10 +135,11 @@ class Together(Table):
     """Keys whose values are correlated: the correlation of each pair, behind every distribution."""
 
     keys: Many[str]
-    """Two or more keys of `[vary]` that are correlated."""
+    """Two or more keys of `[vary]` whose values are correlated."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
-    """Correlation of each pair of the keys. Strictly, it is that of the normal variables behind the
-    distributions (a Gaussian copula). Each key keeps its own distribution."""
+    """Correlation of each pair of these keys. Strictly, it is the correlation of normally distributed
+    variables from which the values of the keys are computed (a Gaussian copula). Each key keeps its own
+    distribution."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -154,12 +159,13 @@ class Vary(Table):
     """How an ensemble spreads around the study: a distribution for each dotted key."""
 
     keys: dict[str, Distribution] = Field(default={})
-    """Distribution of each [dotted key](/guide/study-file.md#rules) that varies. Write the keys directly into
-    `[vary]`: `mechanics.inertia = { uniform = "20 %" }`."""
+    """Distribution of each [dotted key](/guide/study-file.md#rules) that varies. Write the dotted keys
+    directly into `[vary]`, without the word `keys`: `mechanics.inertia = { uniform = "20 %" }`."""
     together: Many[Together] = ()
-    """Groups of correlated keys."""
+    """Groups of keys whose values are correlated. Default: all keys vary independently."""
     seeds: bool = False
-    """True: every variant draws its own sensor noise. False: all variants have the study's `seed`."""
+    """True: each variant has other random numbers, for example its own sensor noise. False: all variants have
+    the study's `seed`."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -188,34 +194,37 @@ class Hold(Table):
     """What must hold of the tuned controllers: a metric's limit, in at least this share of the variants."""
 
     metric: str
-    """Name of a metric, written as for `minimise`."""
+    """Name of the metric that has a limit, written as for `minimise` in `[tune]`."""
     limit: Number
-    """Limit that this metric must keep, with a unit."""
+    """Limit of this metric, with a unit: the largest allowed value, or the smallest one if higher values of
+    the metric are better."""
     share: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of the variants that must keep the limit."""
+    """Share of the variants in which a tuned controller must keep the limit of the metric."""
 
 
 class Tune(Table):
     """Gains to choose for each controller by itself, and what is best, over the ensemble or the study."""
 
     keys: dict[str, Many[Number]]
-    """Two limits for each dotted key, with a unit or in %. The study's value must lie between them: the
-    search begins there."""
+    """For each dotted key to tune, the lower and the upper limit of the search, with a unit. A limit in % is
+    a deviation from the study's value: `["-50 %", "100 %"]`. The search begins at the study's value, which
+    must lie between the limits."""
     minimise: str
-    """Name of the metric to minimise. For one order of a metric of kind `order`, write `NAME.72`. A metric
-    for which higher is better is maximised."""
+    """Name of the metric to minimise. If higher values of this metric are better, it is maximised. For a
+    metric of kind `order` add the order: `NAME.72` is order 72."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
-    """Which value of the metric counts. `mean` or `worst`: that of the ensemble. A share such as 0.9: the
-    value that 90 % of the variants reach or better. `nominal`: that of the study alone, without an
-    ensemble."""
+    """Which value of the metric is minimised. `mean` or `worst`: the mean or the worst value of all variants
+    in the ensemble. A share such as 0.9: the value that 90 % of the variants reach or improve on. `nominal`:
+    the value of the study itself, without an ensemble."""
     hold: Many[Hold] = ()
-    """Limits of metrics that the tuned controller must keep."""
+    """Limits of metrics that each tuned controller must keep. Default: no limits."""
     scenarios: Many[str] | None = None
-    """Scenarios that count. Default: all scenarios in which the controller runs."""
+    """Scenarios in which the metrics are computed for tuning. Default: all scenarios in which the tuned
+    controller runs."""
     variants: Annotated[int, Field(ge=1)] = 32
-    """Number of variants of the ensemble on which each setting is tried."""
+    """Number of variants in the ensemble on which each set of gains is tried."""
     budget: Annotated[int, Field(ge=2)] = 200
-    """Number of settings to try for each controller."""
+    """Number of sets of gains that are tried for each controller."""
 
     @field_validator("keys", mode="before")
     @classmethod
@@ -255,9 +264,9 @@ class Assumption(Table):
     """Something that the study's author had to assume, and the reason."""
 
     about: str
-    """The key, or a phrase, that the assumption is about."""
+    """What the assumption is about: a key of the study, or a phrase."""
     reason: str
-    """Why the author assumed this."""
+    """Why the author of the study made this assumption."""
 
 
 @dataclass(frozen=True)
@@ -283,14 +292,16 @@ class TraceSettings(Table):
     """Settings of the trace, the signals recorded in a run."""
 
     rate: Frequency | None = None  # Hz
-    """Rows of the trace per second, a divisor of the current loop's rate. Default: the current loop's rate;
-    in a study of trials one row per sample. With a switched inverter, a study without trials may also have [a
-    multiple](/theory/inverter.md#between-samples) of the current loop's rate. A row takes 8 bytes for each of
-    about 20 signals: 10 min at 1 kHz take 100 MB."""
+    """Rows of the trace per second: the current loop's rate divided by a whole number. Default: one row per
+    current-loop period; in a study of trials one row per sample. With a switched inverter, a study without
+    trials may also have [several rows per current-loop period](/theory/inverter.md#between-samples). A row
+    takes 8 bytes for each of about 20 signals: 10 min at 1 kHz take 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
-    """Largest number of rows per second in `traces.nc`. A study of trials writes all rows."""
+    """Largest number of rows per second that are written to `traces.nc`. A study of trials writes all rows of
+    its trace."""
     energy: bool = False
-    """True: the trace also has the energies and the error of the energy balance."""
+    """True: the trace also contains the [energies](/theory/plant.md#energy) that the inverter delivers, that
+    copper, friction and load take, and that the motor stores."""
 
 
 Kind = Literal["speed", "trials"]  # keys of the tables PLANS, DESIGNS, SECTIONS and PAGES
@@ -319,25 +330,25 @@ class StudyBase(Table):
     signal_kinds: ClassVar[frozenset[str]] = frozenset()  # signals.def's properties that all runs have
 
     title: Line
-    """Title of the study and of its report, one line."""
+    """Title of the study and of its report, in one line."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     """Seed of all random numbers: sensor noise, bus jitter, and deviations from trial to trial."""
     description: str = ""
-    """Text that the report shows below its title."""
+    """Text that the report shows below the study's title."""
     assumption: Many[Assumption] = ()
-    """An assumption that the author had to make; listed in the report."""
+    """Assumptions that the author of the study had to make. The report lists them."""
     trace: TraceSettings = TraceSettings()
-    """Settings of the recorded signals."""
+    """Which rows and signals of each run are recorded (the trace)."""
     scenario: Mapping[str, Any]
     controller: Mapping[str, Base]
     metric: Many[Metric] = ()
-    """Metrics to compute, each in a table `[[metric]]`."""
+    """Metrics that are computed from each run, each in a table `[[metric]]`."""
     calibration: Calibration | None = None
-    """Parameters and targets of [`cogless calibrate`](/guide/calibrate.md)."""
+    """Values that [`cogless calibrate`](/guide/calibrate.md) fits, and the measured values of the metrics."""
     vary: Annotated[Vary, StudyKeys()] | None = None
-    """How the values of an [ensemble](/guide/ensembles.md) spread around those of the study."""
+    """Keys whose values vary in an [ensemble](/guide/ensembles.md), and the distributions of these values."""
     tune: Tune | None = None
-    """Gains that [`cogless tune`](/guide/ensembles.md#tune) chooses, and what it minimises."""
+    """Gains that [`cogless tune`](/guide/ensembles.md#tune) chooses, and the metric that it minimises."""
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
 

@@ -39,15 +39,15 @@ class AngleFile(Table):
     """A CSV table over a revolution, mechanical or electrical. `orders`: of that revolution."""
 
     file: File
-    """CSV with the columns `angle` and `torque`, `current` or `voltage`, with their units in its heading. A
-    current is taken as the torque divided by $K_t$ (per peak ampere). A voltage is measured while the motor
-    turns forwards; its angle may begin anywhere."""
+    """CSV file with the column `angle` and a column of values, with their units in the first line. Cogging is
+    a column `torque` or `current`; the current is the torque divided by $K_t$ (torque per peak ampere). A
+    back-EMF is a column `voltage`, measured while the motor turns forwards; its angle may begin anywhere."""
     frame: Literal["mechanical", "electrical"]
-    """Revolution, mechanical or electrical, that the table spans. From a back-EMF over a mechanical
-    revolution, only orders that are multiples of `pole_pairs` are taken."""
+    """Whether the table spans a mechanical or an electrical revolution. From a back-EMF over a mechanical
+    revolution, cogless takes only orders that are multiples of `pole_pairs`."""
     orders: Many[TableOrder] | None = None
-    """Orders to take from the table, counted in its revolution. Default: the largest ones, until at most 2 %
-    of the rms is left out."""
+    """Orders to take from the table, in waves per revolution of its angle. Default: the largest orders; those
+    left out have at most 2 % of the table's rms value."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(
@@ -119,16 +119,18 @@ class CoggingTable(AngleFile):
     """Measured cogging: torque, or the current that is it over K_t, over the angle."""
 
     sign: Literal["on-rotor", "holding"]
-    """`on-rotor`: the table holds the torque of the motor on its rotor. `holding`: it holds the opposite
-    torque, which keeps the rotor at its angle."""
+    """Meaning of the table's values. `on-rotor`: the cogging torque on the rotor. `holding`: the opposite
+    torque, which holds the rotor at its angle."""
     peak: Torque | None = None  # N*m
-    """Largest magnitude of the torque. Checked: the table must agree to 5 %."""
+    """Largest magnitude of the cogging torque that the datasheet states. cogless refuses a table whose peak
+    differs by more than 5 %. Default: no check."""
     peak_to_peak: Torque | None = None  # N*m
-    """Peak-to-peak torque. Checked: the table must agree to 5 %."""
+    """Peak-to-peak cogging torque that the datasheet states. cogless refuses a table whose peak-to-peak
+    torque differs by more than 5 %. Default: no check."""
     current_peak: Current | None = None  # A
-    """Like `peak`, for a table of current."""
+    """The same check as by `peak`, for a table of currents."""
     current_peak_to_peak: Current | None = None  # A
-    """Like `peak_to_peak`, for a table of current."""
+    """The same check as by `peak_to_peak`, for a table of currents."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:
@@ -167,13 +169,16 @@ class BackEmfTable(AngleFile):
     """
 
     between: Literal["line-to-line", "phase"]
-    """Where the voltage was measured: between two lines, or between a line and the star point."""
+    """Where the voltage was measured. `line-to-line`: between two lines. `phase`: between a line and the star
+    point."""
     speed: AngularSpeed  # rad/s
     """Mechanical speed at which the voltage was measured."""
     peak: Voltage | None = None  # V
-    """Largest magnitude of the voltage. Checked: the table must agree to 5 %."""
+    """Largest magnitude of the voltage that the datasheet states. cogless refuses a table whose peak differs
+    by more than 5 %. Default: no check."""
     peak_to_peak: Voltage | None = None  # V
-    """Peak-to-peak voltage. Checked: the table must agree to 5 %."""
+    """Peak-to-peak voltage that the datasheet states. cogless refuses a table whose peak-to-peak voltage
+    differs by more than 5 %. Default: no check."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:

@@ -45,31 +45,39 @@ class Monitor(Table):
     """Bounds of plausible measurements. Zero: not checked. The defaults are derived from the drive."""
 
     omega_max: AngularSpeedMagnitude | None = None  # rad/s
-    """Highest plausible speed of the rotor. Default: 1.5 times the speed without load that bus voltage,
-    believed flux and field weakening allow. With a coarse sensor it is at least the no-load speed plus one
-    step of the measured speed. An ideal current loop has no such check."""
+    """Largest plausible magnitude of the rotor's speed. Default: 1.5 times the no-load speed that follows
+    from bus voltage, assumed flux and field weakening, but at least the no-load speed plus the resolution of
+    the measured speed. With an ideal current loop: no check."""
     angle_step: AngleMagnitude | None = None  # rad
-    """Step of the measured angle. Default: derived from the position sensor."""
+    """Resolution of the measured angle. In a current-loop period the angle may change by `omega_max` times
+    this period plus `angle_step`; a larger change is a [jump](/laws/monitor.md#jumps). Default: one step of
+    the position sensor; 1.5 steps with Hall sensors."""
     speed_window: Time | None = None  # s
-    """Time over which the speed is measured. Default: `window` for a moving average, ten time constants for
-    an observer, else two periods of the law. `speed_filter` adds ten of its time constants."""
+    """Time over which the position sensor measures the speed. For this time after a jump of the angle the
+    measured speed is not plausible. Default: the sensor's key `window` with the `speed_method` `average`; ten
+    time constants of the observer with `observer`; 0 with an ideal sensor; otherwise two periods of the law.
+    A `speed_filter` adds ten of its time constants."""
     stuck_angle: AngleMagnitude | None = None  # rad
-    """The angle counts as stuck if the measured angle does not change while the reference turns by more than
-    this. Default: 0.5 rad plus two steps of the sensor, but at least four steps."""
+    """The measured angle counts as [stuck](/laws/monitor.md#a-stuck-angle) only if it is constant while the
+    reference turns by more than `stuck_angle`. Default: 0.5 rad plus two steps of the position sensor, but at
+    least four of its steps."""
     stuck_time: Time | None = None  # s
-    """The angle counts as stuck if it stands still for this time under full current. Default: 100 ms, but at
-    least the time in which a tenth of the largest torque turns the inertia by one step of the sensor."""
+    """The measured angle counts as [stuck](/laws/monitor.md#a-stuck-angle) only if full current for this time
+    has not moved it. Default: 100 ms, but at least the time in which a tenth of the largest torque turns the
+    inertia by one step of the position sensor."""
     current_max: CurrentMagnitude | None = None  # A
-    """Largest plausible length of the current vector. Default: twice `current_limit`, but at least
+    """Largest plausible length of the measured current vector. Default: twice `current_limit`, but at least
     `current_limit` plus six standard deviations of the current sensors' noise."""
     current_sum: CurrentMagnitude | None = None  # A
-    """Largest plausible $|i_a + i_b + i_c|$. Default with three sensors: half of `current_limit`, but at
-    least six standard deviations of the sum's noise. Default with two sensors: no check."""
+    """Largest plausible magnitude of $i_a + i_b + i_c$. Default with three current sensors: half of
+    `current_limit`, but at least six standard deviations of this sum's noise. Default with two current
+    sensors: no check."""
     bridge: Time | None = None  # s
-    """Longest time for which a missing angle is extrapolated. Default: 5 ms."""
+    """Longest time for which missing angles are extrapolated. If they are missing for longer, the [output
+    becomes safe](/laws/monitor.md#what-the-monitor-watches). Default: 5 ms."""
     hold: Time | None = None  # s
-    """Time for which the output stays safe (no current) after the last implausible measurement. Default: 10
-    ms."""
+    """Time for which the [output remains safe](/laws/monitor.md#what-the-monitor-watches) after the last
+    implausible measurement. Default: 10 ms."""
 
 
 class Quality(Table):
@@ -77,15 +85,15 @@ class Quality(Table):
     learning."""
 
     span: Span | None = None  # rad
-    """The residual ripple is assessed in windows: angle by which the rotor turns in one window. Default: a
-    revolution."""
+    """Length of a window, as an angle by which the rotor turns. In each window [the ripple that
+    remains](/laws/monitor.md#how-good-learning-is) is measured. Default: one revolution."""
     longest: Duration = 60.0  # s
-    """Longest duration of one window of the assessment."""
+    """Longest duration of a window of `span`. At low speed a window ends after this time."""
     outlier: NumberGain = 0.0
-    """The law does not learn from an error that is larger than the usual one by this factor, 1 or more. 0: it
-    learns from every error."""
+    """The law does not learn from a speed error above `outlier` times the rms error of the last window of
+    `span`. 0: the law learns from every error. Otherwise choose 1 or more."""
     floor: AngularSpeedMagnitude = 0.0  # rad/s
-    """The law always learns from errors below this value."""
+    """The law learns from every speed error below `floor`, even from an outlier."""
 
     @model_validator(mode="after")
     def _outlier(self) -> Self:
@@ -109,13 +117,16 @@ class Belief(Table):
     """Motor parameters that the controller assumes, per winding as in [motor]; default: the true values."""
 
     R_s: Resistance | None = None  # ohm
-    """Assumed resistance of one winding. The default of each key in this table is the motor's true value."""
+    """Resistance of one winding that the controller assumes. Default: the motor's true value."""
     L_d: Inductance | None = None  # H
-    """Assumed inductance of the d axis."""
+    """Inductance of one winding in the d axis that the controller assumes. Default: the motor's true
+    value."""
     L_q: Inductance | None = None  # H
-    """Assumed inductance of the q axis."""
+    """Inductance of one winding in the q axis that the controller assumes. Default: the motor's true
+    value."""
     psi_f: FluxLinkage | None = None  # Wb
-    """Assumed flux linkage of the magnet."""
+    """Flux linkage of the magnet with one winding that the controller assumes. Default: the motor's true
+    value."""
 
     def resolved(self, motor: StarMotor) -> StarBelief:
         """The assumed parameters, converted to the star equivalent. Parameters left out have their true
@@ -146,15 +157,16 @@ class Rates(Table):
     """Rates of the loops. The outer loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz
-    """Rate at which currents are sampled and controlled and the duty cycles change, a whole number of Hz. One
-    period is a tick of the engine."""
+    """Rate at which currents are sampled, the current loop runs and the duty cycles change: a whole number of
+    Hz."""
     speed_loop: Frequency | None = None
-    """Rate of the speed law: a whole number of Hz that divides `current_loop`."""
+    """Rate at which a law of speed runs: a whole number of Hz that divides `current_loop`."""
     position_loop: Frequency | None = None
-    """Rate of the samples of a trial. It replaces `speed_loop` in [a study of
-    trials](/guide/trial-studies.md)."""
+    """Rate of the samples of a trial, at which the law runs: a whole number of Hz that divides
+    `current_loop`. [A study of trials](/guide/trial-studies.md) has this key instead of `speed_loop`."""
     integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps per current-loop period
-    """Integration steps of the plant in each current-loop period."""
+    """Number of integration steps with which cogless simulates motor and mechanics in each current-loop
+    period."""
 
     @model_validator(mode="after")
     def _divide(self) -> Self:
@@ -188,16 +200,18 @@ class CurrentLoop(Table):
     )
 
     kp: CurrentGain | None = None  # V/A
-    """Proportional gain of both axes. Give it with `ki`, or give `bandwidth`."""
+    """Proportional gain of the current controllers of both axes. Give `kp` and `ki`, or only `bandwidth`."""
     ki: CurrentIntegralGain | None = None  # V/A/s
-    """Integral gain of both axes."""
+    """Integral gain of the current controllers of both axes. Give `kp` and `ki`, or only `bandwidth`."""
     bandwidth: Frequency | None = None  # Hz
-    r"""Replaces `kp` and `ki`: kp = $2\pi f L$, ki = $2\pi f R_s$ with the believed parameters. These gains
-    cancel the winding's pole."""
+    r"""Bandwidth $f$ of the current loop, from which the gains follow: kp = $2\pi f L$, ki = $2\pi f R_s$.
+    $L$ (inductance of the axis) and $R_s$ (resistance) are the values that the controller assumes. With these
+    gains the zero of the current controller cancels the winding's pole."""
     decoupling: bool = True
-    """True: the voltages that depend on the speed are fed forward."""
+    """True: the controller adds the [voltages that depend on the speed](/laws/current-loop.md#equations) to
+    its output, as a feedforward. False: without this feedforward."""
     current_limit: CurrentLimit  # A
-    """Largest length of the current reference $(i_d, i_q)$."""
+    """Largest length of the vector of current references $(i_d, i_q)$."""
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
@@ -225,10 +239,10 @@ class IdealCurrentLoop(Table):
     """An ideal current loop: the current equals its reference at once."""
 
     kind: Literal["ideal"]
-    """The current equals its reference at once, and the drive has no `inverter`. For a real current loop
-    leave this key out."""
+    """`ideal`: the current always equals its reference, and the drive has no `inverter`. If you leave this
+    key out, the current loop is simulated."""
     current_limit: CurrentLimit  # A
-    """Largest length of the current reference $(i_d, i_q)$."""
+    """Largest length of the vector of current references $(i_d, i_q)$."""
     decoupling: ClassVar[bool] = False
 
     def gains(self, belief: StarBelief) -> dict[str, float]:
@@ -259,13 +273,13 @@ class CurrentReference(Table):
     """
 
     rule: Literal["mtpa", "zero-d"] = "mtpa"
-    """How $i_d$ is chosen below the voltage limit. `"mtpa"`: the torque takes the least current. `"zero-d"`:
-    $i_d$ is zero."""
+    """How the drive chooses $i_d$ below the voltage limit. `"mtpa"`: the shortest current vector that makes
+    the torque. `"zero-d"`: $i_d$ is zero."""
     field_weakening: bool = False
-    """True: at high speed $i_d$ keeps the voltage within its limit. If no $i_d$ is enough, the torque is
-    reduced."""
+    """True: at high speed the drive chooses $i_d$ so that the voltage stays within its limit. If no $i_d$ is
+    sufficient, the drive reduces the torque. False: $i_d$ follows only from `rule`."""
     voltage_share: Annotated[float, Field(gt=0, le=1)] = 0.95
-    """Share of the largest voltage up to which field weakening lets the voltage rise. The rest is left for
+    """Voltage limit of `field_weakening`, as a share of the inverter's largest voltage. The rest is left for
     the current controllers."""
 
 
@@ -276,23 +290,25 @@ class Inverter(Table):
     """The inverter: voltage averaged over each current-loop period, or switched with exact edges."""
 
     kind: Literal["averaged", "switched"] = "averaged"
-    """`averaged`: the mean voltage of each current-loop period. `switched`: pulses with exact edges."""
+    """`averaged`: the simulated voltage is the mean of each current-loop period. `switched`: each pulse is
+    simulated with its exact edges."""
     pwm: Literal["centre", "edge", "two-updates"] = "centre"
-    """`centre`: pulses in the middle of a current-loop period. `edge`: pulses from its beginning.
-    `two-updates`: pulses in the middle of a PWM period of two current-loop periods, with new duty cycles in
-    each half."""
+    """Place of the pulses. `centre`: in the middle of each current-loop period. `edge`: from the beginning of
+    each current-loop period. `two-updates`: in the middle of a PWM period of two current-loop periods, with
+    new duty cycles in each half."""
     bus_voltage: Voltage  # V
-    """Bus voltage, constant."""
+    """Voltage of the bus, which is constant."""
     dead_time: Time = 0.0  # s
-    """Time for which both transistors of a leg are off at each switching."""
+    """Time for which both transistors of a leg are off whenever the leg switches."""
     minimum_pulse: Time = 0.0  # s
     """[Shortest time](/theory/inverter.md#minimum-pulse) for which a transistor may be on in half a PWM
-    period (with `pwm = "edge"` in a whole one). A transistor that would be on for less stays off, and the
-    other one of its leg stays on. Default: no limit."""
+    period (with `pwm = "edge"`: in a whole PWM period). A transistor that would be on for a shorter time
+    stays off, and the other transistor of its leg stays on. Default: no limit."""
     device_drop: VoltageMagnitude = 0.0  # V
-    """Voltage across the conducting transistor or diode of a leg."""
+    """Voltage drop of the conducting transistor or diode of a leg."""
     computation_delay: Literal[0, 1] = 1  # current-loop samples
-    """Delay from sampling until the duty cycles act, in current-loop periods."""
+    """Delay from the sampling of the currents until the resulting duty cycles act, in current-loop
+    periods."""
 
     @property
     def switches(self) -> bool:
@@ -309,27 +325,27 @@ class DeadTimeCompensation(Table):
     """Correction of the duty cycles by the signs of the phase currents' references."""
 
     time: Time | None = None  # s
-    """Dead time that the controller assumes. Default: the inverter's `dead_time`."""
+    """Dead time of the inverter that the compensation assumes. Default: the inverter's `dead_time`."""
     drop: VoltageMagnitude | None = None  # V
-    """Voltage across a conducting device that the controller assumes. Default: the inverter's
+    """Voltage drop of a conducting transistor or diode that the compensation assumes. Default: the inverter's
     `device_drop`."""
     band: CurrentLimit  # A
-    """Phase currents below this value get only a part of the correction. Choose several times the noise of
-    the current sensors."""
+    """Phase current below which the correction is reduced in proportion to the current. Choose several times
+    the noise of the current sensors."""
 
 
 class EncoderTable(Table):
     """Correction of the position sensor's own error, learned while the motor turns fast."""
 
     orders: Annotated[tuple[int, ...], Field(strict=False)]  # mechanical
-    """Mechanical orders of the error to correct. An encoder off its middle makes order 1, and order 2 with
-    it."""
+    """Orders of the sensor's angle error that are corrected, in waves per mechanical revolution. An eccentric
+    encoder has an error of order 1, and also one of order 2."""
     omega_min: AngularSpeedMagnitude  # rad/s
-    """The table learns only above this speed."""
+    """Speed of the motor above which the correction is learned."""
     time_constant: Duration = 0.5  # s
-    """Time constant with which the table learns."""
+    """Time constant with which the correction is learned."""
     limit: Span = math.radians(2)  # rad
-    """Largest magnitude of each order's cosine and sine."""
+    """Largest magnitude of the learned cosine and sine coefficient of each order, as an angle."""
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
@@ -362,17 +378,20 @@ class CurrentSensors(Table):
     """Phase current sensors with an error per phase, and their analog-to-digital converter."""
 
     offset: tuple[Current, Current, Current] = Field(default=(0.0, 0.0, 0.0), strict=False)  # A
-    """Offset of each phase's sensor."""
+    """Offsets of the current sensors of the phases a, b and c."""
     gain_error: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), strict=False)
-    """Relative gain error of each phase; measured = (1 + gain_error) i + offset."""
+    """Relative gain errors of the current sensors of the phases a, b and c. At the phase current i a sensor
+    measures (1 + gain_error) i + offset."""
     noise: CurrentMagnitude = 0.0  # A rms
-    """Standard deviation of each sensor's white noise."""
+    """Standard deviation of the white noise of each current sensor."""
     bits: Annotated[int, Field(ge=0, le=32)] = 0
-    """Bits of the converter. 0: no quantization."""
+    """Number of bits of the analog-to-digital converter. 0: the measured currents have no steps and no
+    largest value."""
     range: CurrentLimit = 10.0  # A
-    """The converter measures currents from -`range` to +`range`."""
+    """Largest current that the analog-to-digital converter measures: its range is from -`range` to
+    +`range`."""
     sensors: Literal[2, 3] = 3
-    """Number of sensors. With 2, $i_c = -i_a - i_b$."""
+    """Number of current sensors. With 2 sensors the controller computes $i_c = -i_a - i_b$."""
 
     @property
     def variance(self) -> float:
@@ -385,14 +404,14 @@ class Bus(Table):
     """A bus between the drive and its law, which runs elsewhere, as on a PC."""
 
     delay_measured: Time = 0.0  # s
-    """Age of the measured angle and speed when the law gets them."""
+    """Age of the measured angle and speed when the law receives them."""
     delay_command: Time = 0.0  # s
-    """Time from the law's step until its current reference acts."""
+    """Time from the computation of a current reference in the law until this reference acts in the drive."""
     jitter: Time = 0.0  # s
-    """Largest random increase of each of the two delays. It is evenly distributed; `seed` of the study fixes
-    the draws."""
+    """Largest random time that is added to `delay_measured` and to `delay_command`, each time anew. It is
+    evenly distributed from zero on. The study's `seed` fixes the random times."""
     quantum: CurrentMagnitude = 0.0  # A
-    """Step of the current reference in the bus's number format. 0: no steps."""
+    """Step to which the bus rounds the current reference. 0: no rounding."""
 
     @property
     def mean_delay(self) -> float:
@@ -404,39 +423,41 @@ class Drive(Table):
     """Power electronics, sensors, current loop and monitor."""
 
     precision: Literal["single", "double"] = "single"
-    """Number type of the control laws: `"single"` (C's float) or `"double"`. The plant is always computed in
-    double."""
+    """Number type of the control laws: `"single"` (float in C) or `"double"`. The motor and the mechanics are
+    always simulated in double precision."""
     belief: Belief = Belief()
-    """Motor parameters that the controller assumes, where they differ from the true ones."""
+    """Motor parameters that the controller assumes. Default: the motor's true values."""
     rates: Rates = Field(examples=['{ current_loop = "10 kHz", speed_loop = "1 kHz" }'])
-    """Rates of the current loop, the speed loop and the integration."""
+    """Rates of the current loop and of the law, and integration steps of the simulation."""
     current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
-    """Gains and current limit of the inner loop."""
+    """Gains and current limit of the current loop."""
     current_reference: CurrentReference | None = None
-    """How $i_d$ is chosen: most torque per current, field weakening. Default: $i_d$ is zero, and the law's
-    output is $i_q$."""
+    """How the drive computes the references of $i_d$ and $i_q$ from the law's torque. Default: the reference
+    of $i_d$ is zero, and the law's output is the reference of $i_q$."""
     inverter: Inverter | None = None
-    """Inverter, which makes voltages from duty cycles."""
+    """Inverter, which converts duty cycles to voltages. Required, unless the current loop is ideal."""
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
-    """Adds to the duty cycles what the inverter loses. Default: no compensation."""
-    position_sensor: PositionSensor = IdealSensor()
-    """Sensor of angle and speed."""
-    encoder_table: EncoderTable | None = None
-    """Correction of the position sensor's own error, learned while the motor turns. Default: no
+    """Correction of the duty cycles by the voltage that the inverter loses in its dead time. Default: no
     correction."""
+    position_sensor: PositionSensor = IdealSensor()
+    """Sensor of the angle and the speed. Default: an ideal sensor."""
+    encoder_table: EncoderTable | None = None
+    """Correction of the position sensor's own angle error, which is learned while the motor turns. Default:
+    no correction."""
     speed_filter: Frequency | None = None  # Hz
-    """Corner frequency of a first-order low-pass for the measured speed, which runs at the current loop's
-    rate. Default: no filter."""
+    """Corner frequency of a first-order low-pass that filters the measured speed at the current loop's rate.
+    Default: no filter."""
     bus: Bus | None = None
-    """Bus between the drive and a law that runs elsewhere. Default: the law runs in the drive."""
+    """Bus to a law that runs outside the drive. Default: the law runs in the drive."""
     current_sensors: CurrentSensors = CurrentSensors()
-    """Sensors of the phase currents."""
+    """Offsets, gain errors, noise and converter of the current sensors. Default: ideal sensors."""
     monitor: Monitor = Monitor()
-    """Bounds of plausible measurements, see [](/laws/monitor.md)."""
+    """Bounds of plausible measurements ([what the monitor does](/laws/monitor.md))."""
     quality: Quality = Quality()
-    """How the residual ripple is assessed, and from which errors a law does not learn."""
+    """How the ripple that remains is measured, and from which errors a law does not learn."""
     guard: bool = True
-    """True: learning that leaves more ripple than the feedback alone is stopped, see [](/laws/guard.md)."""
+    """True: [the guard](/laws/guard.md) stops learning that leaves more ripple than the feedback alone.
+    False: there is no guard."""
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:

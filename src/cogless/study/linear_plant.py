@@ -91,9 +91,9 @@ class Parameter(Table):
     """A physical parameter of the plant: known, or within a range."""
 
     value: float | None = None
-    """Nominal value. Default: the middle of the range."""
+    """Nominal value of the parameter. Default: the middle of its `range`."""
     range: tuple[float, float] | None = Field(default=None, strict=False)
-    """Smallest and largest value. Default: the value is known exactly."""
+    """Smallest and largest value of the parameter. Default: its `value` is known exactly."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -126,40 +126,42 @@ class PlantVertex(Table):
     """Matrices at one vertex of the set of possible plants, as numbers."""
 
     A: Rows
-    """The matrix A as rows of numbers."""
+    """Matrix $A$ of the plant at this corner, as rows of numbers."""
     B: Many[float]
-    """The vector B as numbers."""
+    """Vector $B$ of the plant at this corner, one number for each state."""
 
 
 class LinearPlant(Table):
     """A linear plant with one input and one output, sampled with `period`."""
 
     model: Literal["continuous", "discrete"] = "continuous"
-    """Whether A and B describe a continuous or a discrete plant. A continuous plant is simulated exactly at
-    its samples."""
+    """Whether $A$ and $B$ describe a `continuous` or a `discrete` plant. A continuous plant is simulated
+    exactly at its samples."""
     period: Duration  # s
-    """Time between two samples."""
+    """Time between two samples of a trial."""
     A: Many[Many[Entry]] | None = None
-    """Matrix A as rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
+    """Matrix $A$ as rows of numbers or formulas. A formula computes with the parameters in `parameter`, by `+
+    - * / **`, such as `"-B / J"`."""
     B: Many[Entry] | None = None
-    """Vector B: one number or formula for each state."""
+    """Vector $B$: one number or formula for each state."""
     C: Many[float]
-    """Matrix C, one row with a number for each state."""
+    """Matrix $C$: one row with a number for each state."""
     parameter: dict[str, Parameter] = Field(default={})
-    """Parameters of A and B by name. Each is a plain number, `[smallest, largest]`, or a table."""
+    """Parameters in the formulas of $A$ and $B$, by name. Each is a plain number, `[smallest, largest]`, or a
+    table."""
     vertex: Many[PlantVertex] = ()
-    """Corners of the uncertainty as numbers. They replace A, B and `parameter`. The nominal plant is their
-    mean."""
+    """Corners of the set of possible plants, with numbers only. They replace `A`, `B` and `parameter`. The
+    nominal plant is the mean of all corners."""
     states: Many[str] | None = None
-    """Names of the states, for tables and report. Default: x_1, x_2, ..."""
+    """Names of the states in tables and report. Default: x_1, x_2, ..."""
     input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
-    r"""Largest $\lvert u \rvert$."""
+    """Largest magnitude of the plant's input $u$."""
     noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Standard deviation of the white noise on each measured state, such as `[1e-5, 0]`. Default: none. Only
-    the law sees the noise: metrics and traces have the true states."""
+    """Standard deviation of the white noise on each measured state, such as `[1e-5, 0]`. Only the law gets
+    noisy states: metrics and traces have the true states. Default: no noise."""
     load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0
-    """Standard deviation of white noise on the load $d$, in the unit of $u$. Each sample draws a new
-    value."""
+    """Standard deviation of the white noise on the disturbance $d$, in the unit of the input $u$. Each sample
+    has a new random value."""
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:

@@ -40,24 +40,26 @@ class TorqueHarmonic(Table):
     """A part of a torque: torque sin(order theta + phase), with theta the mechanical angle."""
 
     order: Order
-    """Waves per mechanical revolution."""
+    """Order of this harmonic: number of its waves per mechanical revolution."""
     torque: Torque  # N*m
-    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase), which is added to the load torque
-    $\tau_L$ or to the friction $\tau_C$."""
+    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase) at the mechanical angle $\theta$. The
+    harmonic is added to the load torque, or to the friction."""
     phase: Angle = 0.0  # rad
-    """Phase of this harmonic."""
+    """Phase of this harmonic: 360 deg are one of its waves."""
 
 
 class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
 
     angle: Many[Angle] = ()  # rad
-    """Rising angles. From the first to the last is less than one revolution."""
+    """Mechanical angles of the table, rising. The last one is less than one revolution above the first
+    one."""
     torque: Many[Torque] = ()  # N*m
-    """Torque at each angle. Between two angles it is linear, and it repeats with each revolution."""
+    """Torque at each mechanical angle of the table. Between two angles it is linear. It repeats with each
+    revolution."""
     file: File | None = None
-    """CSV file that replaces `angle` and `torque`: columns `angle` and `torque` with their units in the
-    heading. The path is relative to the study."""
+    """CSV file that replaces `angle` and `torque`: it has columns of these names, with their units in the
+    first line. The path is relative to the study."""
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
@@ -83,10 +85,10 @@ class TimeTable(Table):
     """Torque over time, linear between points, constant before the first and after the last point."""
 
     time: Many[Time]  # s
-    """Rising times."""
+    """Times of the table, rising."""
     torque: Many[Torque]  # N*m
-    """Torque at each time. Between two times it is linear; before the first and after the last it is
-    constant."""
+    """Torque at each time of the table. Between two times it is linear; before the first and after the last
+    time it is constant."""
 
     @model_validator(mode="after")
     def _shape(self) -> Self:
@@ -106,15 +108,15 @@ class Load(Table):
     """A load torque, the sum of its parts. The constant part follows its set value with a first-order lag."""
 
     torque: Torque = 0.0  # N*m
-    """Constant part of the load. A positive torque acts against positive rotation."""
+    """Constant part of the load torque. A positive torque acts against positive rotation."""
     lag: Time = 0.0  # s
-    """Time constant with which the constant part of the load changes at an event."""
+    """Time constant with which the constant part of the load torque follows its new value after an event."""
     harmonics: Many[TorqueHarmonic] = ()
-    """Parts of the load that depend on the angle."""
+    """Parts of the load torque that are sines of the mechanical angle."""
     angle_table: AngleTable | None = None
-    """Table of a load torque over the mechanical angle."""
+    """Part of the load torque that a table over the mechanical angle gives."""
     time_table: TimeTable | None = None
-    """Table of a load torque over time."""
+    """Part of the load torque that a table over time gives."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -125,22 +127,24 @@ class Mass(Table):
     """Inertia and friction of what turns as one body."""
 
     inertia: Inertia  # kg*m^2
-    """Inertia of rotor and load together. With a `load_side`, each side has an inertia of its own."""
+    """Inertia of rotor and load together. With a `load_side`: in `[mechanics]` the inertia of the motor's
+    side, and in `[mechanics.load_side]` that of the load's side, not converted by `ratio`."""
     viscous_friction: ViscousFriction = 0.0  # N*m*s/rad
-    """Friction torque per speed."""
+    """Viscous friction: friction torque per speed."""
     coulomb_friction: TorqueMagnitude = 0.0  # N*m
-    """Friction torque while moving."""
+    """Coulomb friction: friction torque during motion, which does not depend on the speed."""
     breakaway_friction: TorqueMagnitude | None = None  # N*m
-    """Largest torque against which friction holds a rotor at standstill, at least `coulomb_friction`.
-    Default: `coulomb_friction`."""
+    """Largest torque against which friction holds a body at standstill, at least `coulomb_friction`. Default:
+    `coulomb_friction`."""
     stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s
-    r"""Speed $\omega_s$ at which friction has fallen most of the way from `breakaway_friction` to
-    `coulomb_friction`: $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: friction falls
-    at once."""
+    r"""Stribeck speed $\omega_s$, at which friction has fallen most of the way from `breakaway_friction`,
+    $\tau_{breakaway}$, to `coulomb_friction`, $\tau_C$. At the speed $\omega$ it is $\tau_C +
+    (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: friction falls at once."""
     friction_harmonics: Many[TorqueHarmonic] = ()  # N*m
-    """Parts of `coulomb_friction` and `breakaway_friction` that depend on the angle."""
+    """Sines of the mechanical angle that are added to `coulomb_friction` and `breakaway_friction`."""
     friction_table: AngleTable | None = None  # N*m
-    """Torque over the angle that is added to `coulomb_friction` and `breakaway_friction`."""
+    """Table over the mechanical angle whose torque is added to `coulomb_friction` and
+    `breakaway_friction`."""
 
     @property
     def breakaway(self) -> float:
@@ -178,29 +182,34 @@ class GearError(Table):
     """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
 
     side: Literal["input", "output"]
-    """Shaft in whose revolutions `order` counts: the gear's `input` (motor) or its `output`."""
+    """Shaft in whose revolutions `order` counts: the `input` of the gear (the motor) or the `output` of the
+    gear."""
     order: Order
-    """Waves per revolution."""
+    """Order of this part of the gear's error: number of its waves per revolution of the shaft that `side`
+    names."""
     angle: AngleMagnitude  # rad
-    r"""Amplitude of this part of the error. The part adds `angle` times sin(`order` $\theta$ + `phase`) to
-    the position of the gear's output; $\theta$ is the position of the shaft that `side` names."""
+    r"""Amplitude of this part of the gear's error. It adds angle sin(order $\theta$ + phase) to the angle of
+    the gear's output, with the angle $\theta$ of the shaft that `side` names."""
     phase: Angle = 0.0  # rad
-    """Phase of this part of the error: 360 deg are one of its waves."""
+    """Phase of this part of the gear's error: 360 deg are one of its waves."""
 
 
 class LoadSide(Mass):
     """A second mass behind a gear and a soft shaft with backlash; inertia and friction are its own."""
 
     stiffness: Stiffness  # N*m/rad
-    """Torque of the shaft per twist. The twist is that on the load's side of the gear."""
+    """Stiffness of the shaft between gear and load: torque per angle of twist, on the load's side of the
+    gear."""
     damping: ViscousFriction = 0.0  # N*m*s/rad
-    """Torque of the shaft per speed of its twist."""
+    """Damping of the shaft between gear and load: torque per speed of twist, on the load's side of the
+    gear."""
     backlash: AngleMagnitude = 0.0  # rad
-    """Whole gap as an angle of the load. Within the gap the shaft has no torque."""
+    """Whole width of the gap between shaft and load, as an angle of the load. Within the gap the shaft has no
+    torque."""
     ratio: Annotated[float, Field(gt=0)] = 1.0
-    """Speed of the motor over that of the load."""
+    """Ratio of the gear: speed of the motor divided by the speed of the load."""
     gear_errors: Many[GearError] = ()
-    """Parts of the gear's transmission error, by order."""
+    """Parts of the gear's angle error (transmission error), one for each order."""
 
     @model_validator(mode="after")
     def _turns_on(self) -> Self:
@@ -223,44 +232,47 @@ class Accelerometer(Table):
     """An accelerometer on a carriage, whose logs `cogless run` writes as Klipper does."""
 
     axis: Literal["x", "y"]
-    """Axis of the sensor along which the carriage moves. The logs' names contain it."""
+    """Axis of the accelerometer along which the carriage moves. The name of each log contains it."""
     rate: Frequency = 3200.0  # Hz
-    """Samples per second. `trace.rate` must be at least four times as high."""
+    """Number of samples per second. `trace.rate` must be at least four times as high."""
     rate_error: Annotated[float, Field(ge=0, le=0.1)] = 0.0
-    """The sensor's own clock is wrong by a random relative error of at most this, drawn for each log. Klipper
-    measures the clock, so the times in a log are right."""
+    """Largest relative error of the accelerometer's own clock. The error is drawn at random for each log.
+    Klipper measures the clock, so the times in a log are right."""
     noise: AccelerationMagnitude = 0.0  # m/s^2
-    """Standard deviation of the noise on each axis of each sample."""
+    """Standard deviation of the noise in each axis of each sample."""
     resolution: AccelerationMagnitude = 0.0  # m/s^2
-    """Step of the sampled acceleration, such as 0.0392 m/s^2 of an ADXL345. 0: no steps."""
+    """Step of the measured acceleration, such as 0.0392 m/s^2 of an ADXL345. 0: no steps."""
     late: Time = 0.0  # s
-    """Each log begins later than its run, by a random time of at most this."""
+    """Largest time by which a log begins later than its run. The time is drawn at random for each log."""
     logs: Annotated[int, Field(ge=1, le=100)] = 1
-    """Number of logs of each run. Each draws its own noise, clock error and beginning."""
+    """Number of logs that are written for each run. Each log has its own random noise, clock error and
+    start."""
 
 
 class Belt(Table):
     """A toothed belt on the motor's pulley that pulls a carriage: a `load_side` in the carriage's words."""
 
     pulley_teeth: Annotated[int, Field(ge=4, le=1000)]
-    """Teeth of the pulley on the motor's shaft."""
+    """Number of teeth of the pulley on the motor's shaft."""
     pitch: Length = 2e-3  # m
-    """Length of a tooth of the belt."""
+    """Length of the belt per tooth."""
     mass: CarriageMass  # kg
-    """Mass of the carriage and of all that moves with it. For one axis of a CoreXY printer give half of the
-    mass that moves along this axis."""
+    """Mass of the carriage and of everything that moves with it. For one axis of a CoreXY printer, give half
+    of the mass that moves along this axis."""
     resonance: Frequency | None = None  # Hz
-    """Frequency at which the carriage swings on its belt while the motor's shaft is held. Give this or
-    `stiffness`. An input shaper measures another resonance, in which the shaft also gives way against the
-    motor's field."""
+    """Frequency at which the carriage oscillates on its belt while the motor's shaft is held. Give
+    `resonance` or `stiffness`. Do not give the resonance that an input shaper measures: in it the motor's
+    shaft moves, too."""
     stiffness: BeltStiffness | None = None  # N/m
-    """Force of the belt per stretch, both halves of the belt together."""
+    """Stiffness of the belt: force per change of length, both halves of the belt together. Give `resonance`
+    or `stiffness`."""
     damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.05
-    """Damping of the carriage that swings on its belt, relative to critical damping."""
+    """Damping of the carriage's oscillation on its belt, relative to critical damping."""
     friction: Force = 0.0  # N
-    """Friction force of the carriage while it moves."""
+    """Friction force on the carriage while it moves."""
     accelerometer: Accelerometer | None = None
-    """Accelerometer of which each run writes logs. It does not change the motion."""
+    """Accelerometer on the carriage, whose logs each run writes. It does not change the motion. Default: no
+    logs."""
 
     @model_validator(mode="after")
     def _one_word(self) -> Self:
@@ -290,13 +302,13 @@ class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
 
     load_side: LoadSide | None = None
-    """A second mass behind a gear and a soft shaft. `inertia` and the frictions of `[mechanics]` are then
-    those of the motor's side."""
+    """Second mass, behind a gear and an elastic shaft. `inertia` and the frictions in `[mechanics]` are then
+    those of the motor's side. Default: one mass."""
     belt: Belt | None = None
-    """A carriage on a belt. It replaces `load_side`."""
+    """Carriage on a belt. It replaces `load_side`. Default: no belt."""
     load: Load = Load()
-    """Load that belongs to the machine and also acts in commissioning runs. A plain torque is short for `{
-    torque = ... }`."""
+    """Load torque that belongs to the machine: it also acts in the calibration run of the law `anti-cogging`.
+    A plain torque is short for `{ torque = ... }`."""
 
     @model_validator(mode="after")
     def _carriage(self) -> Self:

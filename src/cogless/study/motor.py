@@ -61,15 +61,17 @@ class FluxHarmonic(Table):
     """
 
     order: Order
-    """Waves per electrical revolution."""
+    """Order of this harmonic: number of its waves per electrical revolution."""
     d: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of this harmonic of $\psi_d$: d cos(order $\theta_e$ + d_phase)."""
+    r"""Amplitude of this harmonic in the flux linkage $\psi_d$: d cos(order $\theta_e$ + d_phase) at the
+    electrical angle $\theta_e$."""
     q: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of this harmonic of $\psi_q$: q sin(order $\theta_e$ + q_phase)."""
+    r"""Amplitude of this harmonic in the flux linkage $\psi_q$: q sin(order $\theta_e$ + q_phase) at the
+    electrical angle $\theta_e$."""
     d_phase: Angle = 0.0  # rad
-    r"""Phase of the harmonic of $\psi_d$."""
+    r"""Phase of this harmonic in the flux linkage $\psi_d$ (see `d`)."""
     q_phase: Angle = 0.0  # rad
-    r"""Phase of the harmonic of $\psi_q$."""
+    r"""Phase of this harmonic in the flux linkage $\psi_q$ (see `q`)."""
 
 
 class TorqueRipple(Table):
@@ -79,13 +81,15 @@ class TorqueRipple(Table):
     """
 
     order: Order
-    """Waves per mechanical revolution."""
+    """Order of this harmonic: number of its waves per mechanical revolution."""
     percent: float | None = None  # amplitude
-    r"""Amplitude, in per cent of the mean torque constant: $K_t$ (1 + percent/100 sin(order $\theta_m$ +
-    phase)). The back-EMF ripples [with it](/theory/plant.md#torque-constant-ripple). Give this or
+    r"""Amplitude of this harmonic, in per cent of the mean torque constant $K_t$. At the mechanical angle
+    $\theta_m$ the torque constant is $K_t$ (1 + percent/100 sin(order $\theta_m$ + phase)). The [back-EMF has
+    the same relative ripple](/theory/plant.md#torque-constant-ripple). Give `percent` or
     `percent_peak_to_peak`."""
     percent_peak_to_peak: float | None = None
-    """Twice the amplitude, in per cent."""
+    """Twice the amplitude of this harmonic, in per cent of the mean torque constant. Give `percent` or
+    `percent_peak_to_peak`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 
@@ -107,15 +111,17 @@ class Cogging(Table):
     IN_PLACE: ClassVar[dict[str, str]] = {"amplitude": "torque", "peak_to_peak": "torque_peak_to_peak"}
 
     order: Order
-    """Waves per mechanical revolution."""
+    """Order of this harmonic: number of its waves per mechanical revolution."""
     torque: Torque | None = None  # N*m
-    r"""Amplitude of this harmonic of the cogging torque $\tau_{cog}$: torque sin(order $\theta_m$ + phase).
-    Give this, `torque_peak_to_peak` or `current`."""
+    r"""Amplitude of this harmonic of the cogging torque: torque sin(order $\theta_m$ + phase) at the
+    mechanical angle $\theta_m$. Give `torque`, `torque_peak_to_peak` or `current`."""
     torque_peak_to_peak: Torque | None = None  # N*m
-    """Twice the amplitude. Datasheets usually state this value."""
+    """Peak-to-peak torque of this harmonic, as in most datasheets: twice its amplitude. Give `torque`,
+    `torque_peak_to_peak` or `current`."""
     current: Current | None = None  # A
-    """Amplitude of the current that holds the rotor against this harmonic: torque = $K_t$ current. The
-    cogging torque has the opposite sign of the holding torque: mind this in `phase`."""
+    """Amplitude of the current that holds the rotor against this harmonic; the torque is $K_t$ times this
+    current. The cogging torque has the opposite sign of the holding torque, so choose `phase` for the cogging
+    torque. Give `torque`, `torque_peak_to_peak` or `current`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 
@@ -154,72 +160,78 @@ class Motor(Table):
     kind: Literal["pmsm"] = "pmsm"
     """A synchronous motor."""
     datasheet: Datasheet | None = None  # its file; its fields are already merged in here
-    """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
-    """
+    """Name of a shipped motor (see `cogless list`), or path of a datasheet file relative to the study. Keys
+    in the study replace those of the datasheet."""
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
-    """Electrical revolutions in a mechanical revolution."""
+    """Number of pole pairs: electrical revolutions in a mechanical revolution."""
     slots: Annotated[int, Field(ge=3, le=10_000)] | None = None
-    """Teeth of the stator. Slots and poles give the orders of cogging. Only [harmonic](/laws/harmonic.md)
-    needs this key."""
+    """Number of slots (teeth) of the stator. Slots and poles determine the orders of cogging. Only
+    [harmonic](/laws/harmonic.md) needs this key."""
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts
     R_s: Resistance | None = None  # ohm
-    """Resistance of one winding."""
+    """Resistance of one winding. Give `R_s` or `resistance_line_to_line`."""
     resistance_line_to_line: Resistance | None = None  # ohm
-    """Resistance between two terminals: twice that of a phase of the star equivalent."""
+    """Resistance between two terminals: twice that of a phase of the star equivalent. Give `R_s` or
+    `resistance_line_to_line`."""
     L_d: Inductance | None = None  # H
-    """Inductance of one winding in the d axis."""
+    """Inductance of one winding in the d axis. Give `L_d` and `L_q`, or `inductance_line_to_line`."""
     L_q: Inductance | None = None  # H
-    """Inductance of one winding in the q axis."""
+    """Inductance of one winding in the q axis. Give `L_d` and `L_q`, or `inductance_line_to_line`."""
     inductance_line_to_line: Inductance | None = None  # H
-    """Inductance between two terminals, for $L_d = L_q$: twice that of a phase of the star equivalent."""
+    """Inductance between two terminals: twice that of a phase of the star equivalent. Only for motors with
+    $L_d = L_q$. Give `L_d` and `L_q`, or `inductance_line_to_line`."""
     psi_f: FluxLinkage | None = None  # Wb
-    """Peak flux linkage of the magnet with one winding. Instead you may give another constant of the magnet,
-    one of the next keys down to `K_e_phase_rms`."""
+    r"""Peak flux linkage $\psi_f$ of the magnet with one winding. Instead you may give one of the keys whose
+    names begin with `K_t`, `kv` or `K_e`."""
     K_t: TorqueConstant | None = None  # N*m/A
-    r"""Torque per peak line current, $1.5\, p\, \psi_f$ of the star equivalent."""
+    r"""Torque constant $K_t$: torque per peak line current. It is $1.5\, p\, \psi_f$, with $p$ pole pairs and
+    the flux linkage $\psi_f$ of the star equivalent."""
     K_t_rms: TorqueConstant | None = None  # N*m/A
-    r"""Torque per rms line current, $\sqrt2\, K_t$."""
+    r"""Torque per rms line current: $\sqrt2\, K_t$, with the torque $K_t$ per peak line current."""
     kv: SpeedConstant | None = None  # rad/s/V
-    r"""No-load speed per peak voltage from line to line, $1/(\sqrt3\, p\, \psi_f)$ of the star equivalent:
-    $K_t = \frac{\sqrt3}{2}/k_v$. This is the "Kv" of hobby motors, in rpm per volt of the battery."""
+    r"""Speed constant $k_v$: no-load speed per peak voltage from line to line. It is the "Kv" of hobby
+    motors, in rpm per volt of the battery. It is $1/(\sqrt3\, p\, \psi_f)$, with $p$ pole pairs and the flux
+    linkage $\psi_f$ of the star equivalent, so $K_t = \frac{\sqrt3}{2}/k_v$."""
     kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
-    r"""Speed per rms voltage from line to line, $\sqrt2\, k_v$."""
+    r"""No-load speed per rms voltage from line to line: $\sqrt2$ times the value of `kv`."""
     kv_phase_peak: SpeedConstant | None = None  # rad/s/V
-    r"""Speed per peak voltage from line to star point, $\sqrt3\, k_v$."""
+    r"""No-load speed per peak voltage from line to star point: $\sqrt3$ times the value of `kv`."""
     kv_phase_rms: SpeedConstant | None = None  # rad/s/V
-    r"""Speed per rms voltage from line to star point, $\sqrt6\, k_v$."""
+    r"""No-load speed per rms voltage from line to star point: $\sqrt6$ times the value of `kv`."""
     K_e_line_to_line_peak: BackEmfConstant | None = None  # V*s/rad
-    """Peak voltage from line to line per speed, $1/k_v$."""
+    """Peak back-EMF from line to line per speed: the reciprocal of `kv`."""
     K_e_line_to_line_rms: BackEmfConstant | None = None  # V*s/rad
-    """Rms voltage from line to line per speed. Datasheets often state it in V per 1000 rpm: write 46 V per
+    """Rms back-EMF from line to line per speed. Datasheets often state it in V per 1000 rpm: write 46 V per
     1000 rpm as `"46 mV/rpm"`."""
     K_e_phase_peak: BackEmfConstant | None = None  # V*s/rad
-    r"""Peak voltage from line to star point per speed, $p\, \psi_f$."""
+    r"""Peak back-EMF from line to star point per speed: $p\, \psi_f$, with $p$ pole pairs and the flux
+    linkage $\psi_f$ of the star equivalent."""
     K_e_phase_rms: BackEmfConstant | None = None  # V*s/rad
-    """Rms voltage from line to star point per speed."""
+    """Rms back-EMF from line to star point per speed."""
     winding: Literal["star", "delta"] = "star"
-    r"""Connection of the windings to which `R_s`, `L_d`, `L_q` and the flux linkages refer. A delta is
-    converted to its star equivalent: a third of resistance and inductance, $1/\sqrt 3$ of the flux
-    linkage."""
+    r"""Connection of the windings to which `R_s`, `L_d`, `L_q` and the flux linkages refer. cogless converts
+    a delta connection to its star equivalent: a third of the resistance and of the inductances, $1/\sqrt 3$
+    of the flux linkages."""
     rated_torque: Torque | None = None  # N*m
-    """Rated torque, for information."""
+    """Rated torque of the motor, only for information."""
     rated_speed: AngularSpeed | None = None  # rad/s
-    """Rated speed, for information."""
+    """Rated speed of the motor, only for information."""
     flux_harmonics: Many[FluxHarmonic] = ()
     """Harmonics of the magnet's flux linkage."""
     torque_ripple: Many[TorqueRipple] = ()
-    """Harmonics of the torque constant."""
+    """Harmonics of the torque constant over the mechanical angle."""
     cogging: Many[Cogging] = ()
     """Harmonics of the cogging torque."""
     cogging_table: CoggingTable | None = None
-    """Cogging over the angle, measured, from a CSV file. It is added to `cogging`."""
+    """Measured cogging torque over the angle, from a CSV file. It is added to `cogging`."""
     back_emf_table: BackEmfTable | None = None
-    """Back-EMF over the angle, measured, from a CSV file. It gives the magnet's flux and `flux_harmonics`."""
+    """Measured back-EMF over the angle, from a CSV file. It determines the magnet's flux and
+    `flux_harmonics`."""
     saturation: Saturation | None = None
-    """Flux linkages as functions of the currents. Default: constant inductances. A delta winding can't have
-    this table."""
+    """Flux linkages as functions of the currents. Default: constant inductances. Not possible with a delta
+    connection."""
     temperature: MotorTemperature | None = None
-    """Temperature of winding and magnets. Default: resistance and flux stay as given."""
+    """Temperatures of winding and magnets. Default: resistance and flux remain as given."""
 
     @model_validator(mode="after")
     def _check_constants(self) -> Self:
@@ -393,38 +405,42 @@ class StepMotor(Table):
     kind: Literal["step"]
     """A two-phase step motor with non-sinusoidal flux."""
     datasheet: Datasheet | None = None  # its file; its fields are already merged in here
-    """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
-    """
+    """Name of a shipped motor (see `cogless list`), or path of a datasheet file relative to the study. Keys
+    in the study replace those of the datasheet."""
     teeth: Annotated[int, Field(ge=1, le=MOST_TEETH)] | None = None
-    """Number of rotor teeth $N_r$, which is the number of electrical revolutions in a mechanical one. Give
-    this or `step_angle`."""
+    """Number of rotor teeth $N_r$: electrical revolutions in a mechanical revolution. Give `teeth` or
+    `step_angle`."""
     step_angle: Angle | None = None  # rad
-    r"""Angle of a full step, $2 \pi / (4 N_r)$."""
+    r"""Angle of a full step, $2 \pi / (4 N_r)$ with $N_r$ rotor teeth. Give `teeth` or `step_angle`."""
     R_s: Resistance  # ohm
     """Resistance of a phase."""
     L_0: Inductance  # H
-    """Inductance of a phase."""
+    """Mean inductance $L_0$ of a phase."""
     L_1: InductanceAmplitude = 0.0  # H
-    """Amplitude of the inductance's saliency, smaller than `L_0`: $L_d = L_0 + L_1$, $L_q = L_0 - L_1$."""
+    """Amplitude $L_1$ of the saliency of a phase's inductance, smaller than `L_0`: $L_d = L_0 + L_1$, $L_q =
+    L_0 - L_1$."""
     L_m: Many[InductanceAmplitude] = ()  # H
-    r"""Coefficients $L_{m1}, L_{m2}, \ldots$ of the magnet's flux. The first makes the mean torque, $K_t =
-    N_r i_f L_{m1}$; $L_{mj}$ makes ripple of electrical order $j - 1$. Give this or `holding_torque`."""
+    r"""Coefficients $L_{m1}, L_{m2}, \ldots$ of the magnet's flux. $L_{m1}$ makes the mean torque: $K_t = N_r
+    i_f L_{m1}$ with $N_r$ rotor teeth and the key `i_f`. $L_{mj}$ makes ripple of the electrical order $j -
+    1$. Give `L_m` or `holding_torque`."""
     holding_torque: PositiveTorque | None = None  # N*m
-    r"""Holding torque with `rated_current` in both phases: $K_t$ = holding_torque / ($\sqrt2$
-    rated_current)."""
+    r"""Torque with which the motor holds its position at `rated_current` in both phases. It determines $K_t$
+    = holding_torque / ($\sqrt2$ rated_current). Give `L_m` or `holding_torque`."""
     rated_current: PositiveCurrent | None = None  # A
-    """Direct current in each of both phases at `holding_torque`."""
+    """Direct current in each of the two phases at which the motor has its `holding_torque`."""
     L_m_backward: Many[InductanceAmplitude] = ()  # H
-    """Like `L_m`, but for flux waves that turn backwards: $L_{mj}$ makes ripple of electrical order $j + 1$.
-    In a symmetric motor, the third harmonic of the flux is the third of these coefficients."""
+    """Coefficients like those of `L_m`, but for flux waves that turn backwards: coefficient number $j$ makes
+    ripple of the electrical order $j + 1$. In a symmetric motor, the third harmonic of the flux is the third
+    coefficient."""
     L_f: Many[InductanceAmplitude] = ()  # H
-    r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque, $L_{fj}$ of electrical order $j$. Give
-    this or `detent_torque`."""
+    r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque; $L_{fj}$ makes cogging of the electrical
+    order $j$. Give `L_f` or `detent_torque`."""
     detent_torque: Torque | None = None  # N*m
-    """Amplitude of the cogging torque of electrical order 4, $2 N_r i_f^2 L_{f4}$. The detent torque of a
-    datasheet turns the rotor without current, so it contains friction."""
+    """Amplitude of the cogging torque of the electrical order 4. It is $2 N_r i_f^2 L_{f4}$ with $N_r$ rotor
+    teeth and the keys `i_f` and `L_f`. The detent torque in a datasheet also contains friction, because it is
+    the torque that turns the rotor without current."""
     i_f: PositiveCurrent = 1.0  # A
-    """Fictitious current that stands for the magnet."""
+    """Fictitious current $i_f$ that represents the magnet."""
 
     @model_validator(mode="after")
     def _one_word_each(self) -> Self:

@@ -33,57 +33,58 @@ class Mounted(Table):
     """A sensor on the shaft of the motor or of the load."""
 
     side: Literal["motor", "load"] = "motor"
-    """Shaft on which the sensor sits. From a sensor on the `load`, the drive computes the motor's angle and
-    speed by the gear's ratio, which must be a whole number. Twist and gear error then disturb law and
-    commutation."""
+    """Shaft on which the position sensor sits. From a sensor on the `load`, the drive computes the motor's
+    angle and speed by the gear's ratio, which must be a whole number. Twist of the shaft and angle errors of
+    the gear then disturb law and commutation."""
 
 
 class IdealSensor(Mounted):
     """An ideal sensor, which gives the true angle and speed."""
 
     kind: Literal["ideal"] = "ideal"
-    """Measures the true angle and speed."""
+    """An ideal sensor, which measures the true angle and speed."""
 
 
 class AngleOrder(Table):
     """A part of a sensor's error: amplitude sin(order theta_m + phase)."""
 
     order: Annotated[int, Field(ge=1, le=ORDER_MAX)]
-    """Waves per mechanical revolution."""
+    """Order of this part of the sensor's error: number of its waves per mechanical revolution."""
     amplitude: Angle  # rad
-    r"""Amplitude of this order of the angle's error: amplitude sin(order $\theta_m$ + phase)."""
+    r"""Amplitude of this part of the sensor's angle error: amplitude sin(order $\theta_m$ + phase) at the
+    mechanical angle $\theta_m$."""
     phase: Angle = 0.0  # rad
-    """Phase of this order."""
+    """Phase of this part of the sensor's error: 360 deg are one of its waves."""
 
 
 class Counted(Mounted):
     """A sensor that shows the angle in steps; its speed follows from them."""
 
     kind: str
-    """Kind of the sensor. Each kind has a table of its own keys."""
+    """Kind of the position sensor. Each kind has further keys."""
     speed_method: Literal["M", "average", "T", "MT", "observer"] = "M"
-    """How the speed is measured: counts in a speed-loop period (M), time between edges (T), both (MT), a
-    moving average of the differences (average), or an observer of the angle (observer). M is noisy where few
-    counts come in a period, and laws learn this noise. MT is not noisy, but needs hardware that times edges.
-    T and MT are for encoders only."""
+    """How the drive measures the speed. `M`: counts in a period of the speed loop. `T`: time between two
+    edges. `MT`: counts divided by the exact time between edges. `average`: as `M`, over `window`. `observer`:
+    an observer of the angle. `M` is noisy if few counts come in a period, and laws learn this noise. `MT` is
+    not noisy, but needs hardware that measures the times of edges. `T` and `MT` need an encoder."""
     window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop periods, with average only
-    """Window of the moving average, in current-loop periods. Only with `speed_method` average."""
+    """Time over which the `speed_method` `average` measures the speed, in current-loop periods."""
     observer_bandwidth: Frequency | None = None  # Hz
-    """Bandwidth of the observer, at least three times the crossover of the speed loop. Only with
-    `speed_method` observer."""
+    """Bandwidth of the observer that the `speed_method` `observer` needs. Choose at least three times the
+    crossover frequency of the speed loop."""
     eccentricity: Angle = 0.0  # rad
-    """Amplitude of an angle error with one wave per revolution, the most usual order of `error`."""
+    """Amplitude of the angle error with one wave per mechanical revolution, as of an eccentric sensor."""
     eccentricity_phase: Angle = 0.0  # rad
-    """Phase of the error by `eccentricity`."""
+    """Phase of the angle error with one wave per mechanical revolution, whose amplitude is `eccentricity`."""
     error: Many[AngleOrder] = ()
-    """Orders of an error that is added to the true angle."""
+    """Parts of the sensor's angle error, by order. They are added to the true angle."""
     error_table: File | None = None
-    """CSV of the error over the mechanical angle, with units in its first line: `angle [deg],error [deg]`.
-    The path is relative to the study. At least eight rising angles span one revolution, over which the error
-    must close. Between the angles the error is linear."""
+    """CSV file of the sensor's angle error over the mechanical angle, with units in its first line: `angle
+    [deg],error [deg]`. Give at least eight rising angles over one revolution; the last error must lead on to
+    the first. Between two angles the error is linear. The path is relative to the study."""
     latency: Time = 0.0  # s
-    """Age of the sampled angle, and of the speed that is computed from it. Not with T and MT, which time the
-    edges."""
+    """Age of the measured angle, and of the speed that is computed from it. Not with the `speed_method` `T`
+    or `MT`, which measures the times of edges."""
     _errors: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -209,9 +210,9 @@ class Encoder(Counted):
     kind: Literal["encoder"]
     """An incremental encoder with quadrature signals."""
     lines: Annotated[int, Field(ge=1, le=10_000_000)]
-    """Lines per revolution. Each line gives four counts."""
+    """Number of lines per mechanical revolution. Each line gives four counts."""
     timer: Frequency = 100e6  # Hz
-    """Rate of the clock that times the edges. Only for T and MT."""
+    """Rate of the clock that measures the times of edges, for the `speed_method` `T` or `MT`."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -235,14 +236,15 @@ class Absolute(Counted):
     """Absolute encoder, whose word is the angle."""
 
     kind: Literal["absolute"]
-    """An absolute encoder. It measures as a resolver does."""
+    """An absolute encoder. It samples the angle as a resolver does."""
     bits: Annotated[int, Field(ge=1, le=31)] | None = None
-    """The encoder has $2^{bits}$ positions per revolution. Give this or `positions`."""
+    """Number of bits: the encoder has $2^{bits}$ positions per mechanical revolution. Give `bits` or
+    `positions`."""
     positions: Annotated[int, Field(ge=2, le=2**31)] | None = None
-    """Positions per revolution."""
+    """Number of positions per mechanical revolution. Give `bits` or `positions`."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """How the speed is measured: a moving average of the differences (average), the difference over a
-    speed-loop period (M), or an observer of the angle (observer)."""
+    """How the drive measures the speed. `average`: change of the angle over the key `window`. `M`: change of
+    the angle over a period of the speed loop. `observer`: an observer of the angle."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -263,12 +265,12 @@ class Resolver(Counted):
     """Resolver and its digital converter."""
 
     kind: Literal["resolver"]
-    """A resolver and its converter."""
+    """A resolver and its digital converter."""
     bits: Annotated[int, Field(ge=1, le=32)] = 14
-    """The converter has $2^{bits}$ counts per revolution."""
+    """Number of bits of the converter: it has $2^{bits}$ counts per mechanical revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """How the speed is measured: a moving average of the differences (average), the difference over a
-    speed-loop period (M), or an observer of the angle (observer)."""
+    """How the drive measures the speed. `average`: change of the angle over the key `window`. `M`: change of
+    the angle over a period of the speed loop. `observer`: an observer of the angle."""
 
     @property
     def counts(self) -> int:
@@ -280,16 +282,16 @@ class Hall(Table):
 
     side: ClassVar[Literal["motor"]] = "motor"
     kind: Literal["hall"]
-    """Three Hall sensors with six edges per electrical revolution. The angle between edges is
-    interpolated."""
+    """Three Hall sensors with six edges per electrical revolution. Between two edges the angle is
+    extrapolated."""
     placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6  # rad
-    """Electrical angle by which each of the six edges comes late. The first edge belongs at angle zero, the
-    next ones every 60 deg."""
+    """Electrical angles by which the six edges come late. Without such errors the first edge is at the angle
+    zero, and the next ones follow every 60 deg."""
     edges: Annotated[int, Field(ge=1, le=6)] = 6
-    """The speed is taken over this many intervals between edges. Over six, the errors of placement cancel.
-    Over fewer, the measured speed lags less."""
+    """Number of intervals between edges over which the speed is measured. Over six intervals the errors of
+    `placement` cancel. Over fewer intervals the measured speed lags less."""
     timer: Frequency = 1e6  # Hz
-    """Rate of the clock that times the edges."""
+    """Rate of the clock that measures the times of the Hall sensors' edges."""
 
     @model_validator(mode="after")
     def _apart(self) -> Self:

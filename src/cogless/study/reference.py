@@ -39,11 +39,11 @@ class Sine(Table):
     """A sinusoidal part of a speed reference: amplitude sin(2 pi frequency t + phase)."""
 
     amplitude: AngularSpeed  # rad/s
-    """Amplitude of this sine."""
+    """Amplitude of this sine, a speed."""
     frequency: Frequency  # Hz
     """Frequency of this sine."""
     phase: Angle = 0.0  # rad
-    """Phase of this sine."""
+    """Phase of this sine at the start of the run."""
 
 
 class Reference(Table):
@@ -55,34 +55,35 @@ class Reference(Table):
     """
 
     speed: AngularSpeed = 0.0  # rad/s
-    """Constant speed. With `ramp`: the speed at which the ramp ends."""
+    """Constant speed of the reference. With `ramp`: the speed at which the ramp ends."""
     ramp: AngularAcceleration = 0.0  # rad/s^2
-    """Slope of a ramp that begins at `initial_speed`."""
+    """Slope of a ramp of the speed, which begins at `initial_speed` and ends at `speed`."""
     profile: Many[tuple[Time, AngularSpeed]] = ()  # s
-    """Points [time, speed]. Between two points the speed is linear; before the first and after the last it is
-    constant."""
+    """Points `[time, speed]` of the reference. Between two points the speed is linear; before the first and
+    after the last point it is constant."""
     offset: AngularSpeed = 0.0  # rad/s
-    """Mean speed of the sine that `amplitude` and `frequency` give, or of the sum of `sines`."""
+    """Mean speed of the reference, to which the sine of `amplitude` and `frequency`, or the `sines`, are
+    added."""
     amplitude: AngularSpeed = 0.0  # rad/s
-    """Amplitude of the sine."""
+    """Amplitude of the sine in the speed of the reference."""
     frequency: Frequency = 0.0  # Hz
-    """Frequency of the sine."""
+    """Frequency of the sine in the speed of the reference."""
     depth: float = 0.0
-    """Modulation index of a frequency modulation: its frequency deviation divided by `modulation`. The speed
-    is offset + amplitude sin(2π frequency t + depth sin(2π modulation t))."""
+    """Modulation index of a frequency modulation: largest change of the frequency, divided by `modulation`.
+    The speed at the time t is offset + amplitude sin(2π frequency t + depth sin(2π modulation t))."""
     modulation: Frequency = 0.0  # Hz
-    """Frequency of the frequency modulation."""
+    """Frequency with which the frequency of the sine is modulated (see `depth`)."""
     sines: Many[Sine] = ()
-    """Sines that are added to `offset`."""
+    """Sines of the speed that are added to `offset`."""
     moves: Many[tuple[Time, Angle]] = ()  # s
-    """Points [time, angle]. The reference is at rest at each point. Between two points it follows a
-    polynomial of the fifth degree."""
+    """Points `[time, angle]` of the reference, which is at rest at each point. Between two points the angle
+    is a polynomial of the fifth degree."""
     file: File | None = None
-    """CSV of time and speed, in s and rad/s, or in the units of its first line: `time [s],speed [rpm]`. The
-    path is relative to the study."""
+    """CSV file with the time and the speed of the reference, in s and rad/s, or in the units of its first
+    line: `time [s],speed [rpm]`. The path is relative to the study."""
     smoothing: Time = 0.0  # s
-    """Time constant of a critically damped filter on the speed, so that the speed has a derivative. It goes
-    with each form of reference."""
+    """Time constant of a critically damped filter that removes [steps](/theory/references.md) from the speed
+    of the reference. Every form of reference may have it. 0: no filter."""
     _from_file: Points = PrivateAttr(default=())
 
     @classmethod

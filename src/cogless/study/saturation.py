@@ -37,15 +37,16 @@ class CurrentFile(Table):
     """Values over a current, here or in a CSV file with the same columns."""
 
     current: Many[Current] = ()  # A
-    """Rising currents. For an axis that is alike in both directions they begin at zero; otherwise zero is
-    among them. For `magnet` they are $i_q$ from zero on."""
+    """Currents of the table, rising. The tables `d` and `q` begin at zero if the axis is alike for both
+    directions of the current; otherwise they contain zero. For `magnet` the currents are $i_q$, from zero
+    on."""
     flux: Many[FluxAmplitude] | None = None  # Wb
-    """Flux linkage at each current; it is zero at zero current. For `d` and `q` its slope at zero must equal
-    `L_d` or `L_q` to 10 %. For `magnet` it is the change of the magnets' flux, which is negative for
-    saturation."""
+    """Flux linkage at each current of the table; at zero current it is zero. In the tables `d` and `q` its
+    slope at zero current must equal `L_d` or `L_q` to 10 %. In `magnet` it is the change of the magnets' flux
+    linkage, which is negative if the motor saturates."""
     file: File | None = None
-    """CSV that replaces these keys: columns `current` and `flux` (for `d` and `q` also `inductance`), with
-    units in its heading."""
+    """CSV file that replaces `current` and `flux` (in `d` and `q` also `inductance`): it has columns of these
+    names, with their units in the first line."""
 
     def _with_file(self, info: ValidationInfo, columns: Mapping[str, Dimension]) -> Self:
         """The table with the values of its file, if it has one."""
@@ -79,7 +80,8 @@ class OverCurrent(CurrentFile):
     """
 
     inductance: Many[Inductance] | None = None  # H
-    """Apparent inductance at each current: flux linkage over current, not the slope."""
+    """Apparent inductance at each current of the table: flux linkage divided by current, not the slope of the
+    flux linkage. Give `flux` or `inductance`."""
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
@@ -137,11 +139,13 @@ class Saturation(Table):
     """
 
     d: OverCurrent | None = None
-    """Flux linkage of the d axis over $i_d$, without that of the magnets. Default: $L_d i_d$."""
+    """Flux linkage of the d axis over the current $i_d$, without the magnets' flux linkage. Default: $L_d
+    i_d$."""
     q: OverCurrent | None = None
-    """Flux linkage of the q axis over $i_q$. Default: $L_q i_q$."""
+    """Flux linkage of the q axis over the current $i_q$. Default: $L_q i_q$."""
     magnet: MagnetOverCurrent | None = None
-    """Change of the magnets' flux with $i_q$, by which $K_t$ falls with the current. Default: no change."""
+    """Change of the magnets' flux linkage with the current $i_q$. It reduces the torque constant at high
+    current. Default: no change."""
 
     def engine_config(self) -> dict[str, Any]:
         """The tables as the engine reads them: points, and the slopes there of a monotone cubic."""
@@ -205,17 +209,17 @@ class Heating(Table):
     """Winding and magnets as bodies that the copper loss heats; a path that is left out conducts nothing."""
 
     ambient: Temperature  # degC
-    """Temperature of the surroundings, or of a housing that keeps its temperature."""
+    """Temperature of the surroundings, or of a housing whose temperature is constant."""
     winding_capacity: HeatCapacity  # J/K
     """Heat capacity of the winding."""
     magnet_capacity: HeatCapacity  # J/K
     """Heat capacity of the magnets."""
     winding_to_ambient: ThermalResistance | None = None  # K/W
-    """Thermal resistance from winding to ambient. Default: no heat flows this way."""
+    """Thermal resistance from the winding to the surroundings. Default: no heat flows this way."""
     winding_to_magnet: ThermalResistance | None = None  # K/W
-    """Thermal resistance from winding to magnets. Default: no heat flows this way."""
+    """Thermal resistance from the winding to the magnets. Default: no heat flows this way."""
     magnet_to_ambient: ThermalResistance | None = None  # K/W
-    """Thermal resistance from magnets to ambient. Default: no heat flows this way."""
+    """Thermal resistance from the magnets to the surroundings. Default: no heat flows this way."""
 
     def paths(self) -> dict[str, float]:
         """Conductances between the bodies and the ambient, W/K."""
@@ -238,16 +242,16 @@ class MotorTemperature(Table):
     """
 
     reference: Temperature = 20.0  # degC
-    """Temperature for which `[motor]` states resistance and flux."""
+    """Temperature at which resistance and flux have the values in `[motor]`."""
     winding: Temperature  # degC
-    """Temperature of the winding at the start."""
+    """Temperature of the winding at the start of the run."""
     magnet: Temperature | None = None  # degC
-    """Temperature of the magnets at the start. Default: that of the winding."""
+    """Temperature of the magnets at the start of the run. Default: the temperature of the winding."""
     resistance_coefficient: TemperatureCoefficient = COPPER_COEFFICIENT
-    """Relative change of the resistance per kelvin. Default: that of copper at 20 degC."""
+    """Relative change of the resistance per kelvin. Default: the value of copper at 20 degC."""
     flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
-    """Relative change of the flux per kelvin. It is negative: about `"-0.0011 1/K"` for neodymium magnets,
-    `"-0.002 1/K"` for ferrite. Cogging changes with the square of the flux."""
+    """Relative change of the magnets' flux per kelvin, a negative number: about `"-0.0011 1/K"` for neodymium
+    magnets, `"-0.002 1/K"` for ferrite. Cogging changes with the square of the flux."""
     heating: Heating | None = None
     """Heat capacities of winding and magnets, and thermal resistances between them and the surroundings.
     Default: the temperatures are constant."""

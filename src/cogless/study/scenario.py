@@ -34,9 +34,9 @@ class FaultBase(Table):
     """A fault: the keys that every kind has."""
 
     time: Time  # s
-    """Start of the fault."""
+    """Time of the run at which the fault begins."""
     duration: Duration  # s
-    """Duration of the fault."""
+    """Time for which the fault lasts."""
 
     @property
     def end(self) -> float:
@@ -48,7 +48,8 @@ class AngleFault(FaultBase):
     """The position sensor gives no number, or keeps giving the last angle."""
 
     kind: Literal["angle-missing", "angle-stuck"]
-    """`angle-missing`: angle and speed are not numbers. `angle-stuck`: the sensor keeps its last angle."""
+    """`angle-missing`: the position sensor gives no angle and no speed (not a number). `angle-stuck`: the
+    position sensor keeps giving its last angle."""
 
     @property
     def effect(self) -> str:
@@ -59,10 +60,10 @@ class AngleJump(FaultBase):
     """The position sensor's angle has a constant error."""
 
     kind: Literal["angle-jump"]
-    """The measured angle is shifted. A shift that lasts to the scenario's end is like a slipped index or lost
-    counts."""
+    """`angle-jump`: the measured angle has a constant error, the key `angle`. A jump that lasts to the end of
+    the scenario is like a slipped index or lost counts."""
     angle: Angle  # rad
-    """Mechanical angle by which the measured angle is shifted."""
+    """Mechanical angle that is added to the measured angle."""
 
     @property
     def effect(self) -> str:
@@ -73,10 +74,11 @@ class CurrentFault(FaultBase):
     """The current sensor of a phase gives no number, or zero."""
 
     kind: Literal["current-missing", "current-zero"]
-    """The output of a current sensor is not a number, or is zero."""
+    """`current-missing`: a current sensor gives no value (not a number). `current-zero`: a current sensor
+    measures zero."""
     phase: Literal["a", "b", "c"]
-    """Phase of the faulty sensor. With two sensors, the current of phase c is computed from those of a and
-    b."""
+    """Phase of the faulty current sensor. In a drive with two current sensors, the current of phase c is
+    computed from those of a and b."""
 
     @property
     def effect(self) -> str:
@@ -88,7 +90,7 @@ class BusFault(FaultBase):
     """The bus has another voltage, and the controller measures it."""
 
     kind: Literal["bus-voltage"]
-    """The bus has another voltage during the fault. The controller measures this voltage."""
+    """`bus-voltage`: the bus has another voltage during the fault. The controller measures this voltage."""
     voltage: Voltage  # V
     """Bus voltage during the fault."""
 
@@ -104,9 +106,9 @@ class Event(Table):
     """A change during a run: the constant part of the load gets a new set value."""
 
     time: Time  # s
-    """Time of the load step."""
+    """Time of the run at which the load changes."""
     load: Torque  # N*m
-    """New value of the constant part of the load, from this time on."""
+    """Constant part of the load torque from `time` on."""
 
     def is_at(self, time: float) -> bool:
         """Whether the event is at this time, s, apart from rounding in the conversion of units."""
@@ -120,15 +122,15 @@ class TorqueMode(Table):
     """
 
     time: Time  # s
-    """Beginning of [torque mode](/laws/torque-mode.md), in which the drive does not follow the speed
-    reference."""
+    """Time of the run at which [torque mode](/laws/torque-mode.md) begins. In torque mode the drive does not
+    follow the speed reference."""
     duration: Duration | None = None  # s
-    """Duration of torque mode. Default: to the end of the run."""
+    """Time for which torque mode lasts. Default: until the end of the run."""
     current: Current = 0.0  # A
-    """Current in the q axis. What the law has learned is added to it."""
+    """Current $i_q$ of your command in torque mode, to which the drive adds what the law has learned."""
     profile: Many[tuple[Time, Current]] = ()  # s
-    """Points [time, current] in place of `current`. Between two points the current is linear; before the
-    first and after the last it is constant."""
+    """Points `[time, current]` that replace `current`. Between two points the current is linear; before the
+    first and after the last point it is constant."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -163,12 +165,13 @@ class Experiment(Table):
     """Keys that a scenario of a speed study and one of trials have in common."""
 
     duration: Duration  # s
-    """Simulated time. In a study of trials: duration of one trial, a whole number of 4 to 65535 samples."""
+    """Simulated time of the scenario. In a study of trials: duration of one trial, a whole number of samples
+    from 4 to 65535."""
     faults: Many[Fault] = ()
-    """Faults of sensors and bus. In a study of trials their time counts from the start of the run, not of a
-    trial."""
+    """Faults of the sensors and of the bus voltage. In a study of trials, the time of a fault counts from the
+    start of the run, not of a trial."""
     controllers: Many[str] | None = None
-    """Controllers that run in this scenario. Default: all."""
+    """Names of the controllers that run in this scenario. Default: all controllers of the study."""
 
     @property
     def run_time(self) -> float:
@@ -196,20 +199,21 @@ class Scenario(Experiment):
     ) | dict.fromkeys(("time", "length"), "duration")
 
     reference: Reference = Field(examples=['"60 rpm"'])
-    """Speed reference. A plain speed is short for `{ speed = ... }`."""
+    """Motion that the law follows. A plain speed is short for `{ speed = ... }`."""
     initial_speed: AngularSpeed = 0.0  # rad/s
-    """Initial speed of the rotor."""
+    """Speed of the rotor at the start of the run."""
     initial_angle: Angle = 0.0  # rad
-    """Initial angle of the rotor."""
+    """Mechanical angle of the rotor at the start of the run."""
     load: Load | None = None
-    """Load of this scenario. It replaces `mechanics.load`."""
+    """Load torque in this scenario. It replaces `mechanics.load`."""
     events: Many[Event] = ()
-    """Load steps in the order of their times."""
+    """Changes of the load during the run, in the order of their times."""
     torque_mode: TorqueMode | None = None
-    """Torque mode: from a given time on, a given current replaces the speed loop's output."""
+    """Time in which a given current replaces the output of the speed loop ([torque
+    mode](/laws/torque-mode.md)). Default: no torque mode."""
     override: Override = Field(default={})
-    """Values of `motor`, `drive` or `mechanics` by dotted key, for this scenario only. The controllers do not
-    know them: rules compute gains without the override."""
+    """Values of `motor`, `drive` or `mechanics` by dotted key that are valid only in this scenario. The
+    controllers do not know these values: their gains are computed from the study without `override`."""
 
     @field_validator("override")
     @classmethod

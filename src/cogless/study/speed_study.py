@@ -26,13 +26,13 @@ class Study(StudyBase):
     overridable: ClassVar[tuple[str, ...]] = ("motor", "mechanics", "drive")
 
     motor: AnyMotor
-    """The motor."""
+    """Data of the motor."""
     mechanics: Mechanics
-    """Inertia, friction and load."""
+    """Inertia, friction and load torque."""
     drive: Drive
-    """Inverter, sensors, rates and current loop."""
+    """Inverter, sensors, rates and current loop of the drive."""
     scenario: Annotated[dict[str, Scenario], Field(min_length=1)]
-    """Experiments by name, `[scenario.NAME]`."""
+    """Scenarios (simulated experiments) by name, `[scenario.NAME]`."""
     controller: Annotated[dict[str, Controller], Field(min_length=1)]
     """Controllers by name, `[controller.NAME]`."""
     _scenarios: dict[str, Study] = PrivateAttr(default={})  # scenario -> study with its overrides applied

@@ -66,8 +66,8 @@ class PositionReference(Table):
     """Smooth moves from point to point: polynomials of fifth degree, at rest at both ends."""
 
     points: Many[tuple[Time, Position]]  # s
-    """Points `[time, position]`. The reference is at rest at each point. Between two points it follows a
-    polynomial of the fifth degree. A plain array of points is short for this table."""
+    """Points `[time, position]` of the reference, which is at rest at each point. Between two points the
+    position is a polynomial of the fifth degree. A plain array of points is short for this table."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -98,22 +98,26 @@ class Deviations(Table):
     """How far start and load of a trial are from those of its phase."""
 
     initial_angle: AngleMagnitude | None = None  # rad
-    """Deviation of the initial angle of a drive."""
+    """Deviation of a drive's initial angle: in `normal` its standard deviation, in `uniform` its largest
+    magnitude."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
-    """Deviation of the initial speed of a drive."""
+    """Deviation of a drive's initial speed: in `normal` its standard deviation, in `uniform` its largest
+    magnitude."""
     initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Deviation of the initial state of a linear plant, one number for each state."""
+    """Deviations of a linear plant's initial state, one number for each state: in `normal` their standard
+    deviations, in `uniform` their largest magnitudes."""
     load: LoadMagnitude | None = None
-    """Deviation of the load. It is constant throughout a trial and adds to the load steps."""
+    """Deviation of the load, which is constant in a trial and is added to the `load_steps`: in `normal` its
+    standard deviation, in `uniform` its largest magnitude."""
 
 
 class EachTrial(Table):
     """Deviations that are drawn anew in each trial, around zero."""
 
     normal: Deviations = Deviations()
-    """Standard deviations of what is normally distributed."""
+    """Normally distributed deviations of each trial, given by their standard deviations."""
     uniform: Deviations = Deviations()
-    """Largest magnitudes of what is evenly distributed."""
+    """Evenly distributed deviations of each trial, given by their largest magnitudes."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -147,27 +151,29 @@ class TrialConditions(Table):
     """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
 
     reference: PositionReference | None = None
-    """New reference. A key that is left out keeps its value."""
+    """Motion that each trial repeats. In `changes`: a new motion; if you leave it out, the motion stays the
+    same."""
     load: Load | None = None
-    """Load of a drive. It replaces `mechanics.load`."""
+    """Load torque of a drive. It replaces `mechanics.load`."""
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
-    """Load steps `[sample, amount]`: the load from this sample of each trial on. For a drive the amount is a
-    torque against positive rotation, for a linear plant it is $d$ in the unit of $u$. `[]`: no load steps."""
+    """Load steps `[sample, amount]`: from this sample of each trial on, the load has this amount. For a drive
+    the amount is a torque against positive rotation; for a linear plant it is the disturbance $d$ in the unit
+    of the input $u$. `[]`: no load steps."""
     initial_angle: Angle | None = None  # rad
-    """Angle of a drive at the start of each trial. Default: where the reference begins."""
+    """Angle of a drive at the start of each trial. Default: the first position of the reference."""
     initial_speed: AngularSpeed | None = None  # rad/s
     """Speed of a drive at the start of each trial. Default: 0."""
     initial_state: Many[float] | None = None
     """State of a linear plant at the start of each trial. Default: zeros."""
     each_trial: EachTrial | None = None
-    """How start and load [differ from trial to trial](/guide/trial-studies.md#starts-and-loads-at-random).
-    Default: not at all."""
+    """Random deviations of start and load [in each
+    trial](/guide/trial-studies.md#starts-and-loads-at-random). Default: no deviations."""
     override: Override | None = None
-    """For a drive: values of `motor` and `mechanics` by dotted key. For a linear plant: values of parameters,
-    or `{ vertex = 2 }`. The controllers do not know these values. The certificate does not cover values
-    outside the ranges."""
+    """For a drive: values of `motor` and `mechanics` by dotted key. For a linear plant: values of its
+    parameters, or `{ vertex = 2 }`, its second corner. The controllers do not know these values. The
+    certificate does not cover values outside the parameters' ranges."""
 
     @field_validator("override")
     @classmethod
@@ -187,18 +193,19 @@ class Change(TrialConditions):
     """New conditions from trial number `trial` on."""
 
     trial: Annotated[int, Field(ge=2)]
-    """First trial with the change, counted from 1. A key that is left out keeps its value."""
+    """Number of the first trial with this change; the scenario's first trial has the number 1. Keys that you
+    leave out keep their values."""
 
 
 class TrialScenario(TrialConditions, Experiment):
     """An experiment of `trials` trials, each a whole number of samples long, with changes in between."""
 
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
-    """Number of trials."""
+    """Number of trials of the scenario."""
     reference: PositionReference
-    """The motion of each trial."""
+    """Motion that each trial repeats."""
     changes: Many[Change] = ()
-    """Changes of the scenario. Each takes effect with its trial `trial`, and stays unless changed again."""
+    """Changes of the scenario's keys. Each takes effect in its `trial`, and lasts until another change."""
 
     @model_validator(mode="after")
     def _changes(self) -> Self:
@@ -263,15 +270,15 @@ class TrialStudy(StudyBase):
     plant: LinearPlant | None = None
     """A linear plant. It replaces `motor`, `mechanics` and `drive`."""
     motor: Motor | None = None
-    """The motor."""
+    """Data of the motor."""
     mechanics: Mechanics | None = None
-    """Inertia, friction and load."""
+    """Inertia, friction and load torque."""
     drive: Drive | None = None
-    """Inverter, sensors, rates and current loop."""
+    """Inverter, sensors, rates and current loop of the drive."""
     design: DesignSettings
-    """Weights and parameter ranges for the design of the laws."""
+    """Weights and parameter ranges from which `cogless design` computes the laws."""
     scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
-    """Experiments by name, `[scenario.NAME]`."""
+    """Scenarios (simulated experiments) by name, `[scenario.NAME]`."""
     controller: Annotated[dict[str, TrialController], Field(min_length=1)]
     """Controllers by name, `[controller.NAME]`."""
     # a drive's hardware in each phase, by scenario

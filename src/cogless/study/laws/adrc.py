@@ -17,13 +17,16 @@ class Adrc(Base):
     law: Literal["adrc"]
     """Active disturbance rejection."""
     b: CurrentToAcceleration  # rad/s^2/A
-    """Acceleration per current, $K_t / J$, that the controller assumes."""
+    """Acceleration per current that the controller assumes: $K_t / J$, the torque constant divided by the
+    inertia."""
     omega_c: RateGain  # 1/s
-    """Bandwidth of the closed loop."""
+    """Bandwidth of the closed speed loop."""
     omega_o: Annotated[float, Quantity(units.RATE, ">", bare=True)]  # 1/s
-    """Bandwidth of the observer in rad/s. It must be less than 2 rad per sample of the speed loop."""
+    """Bandwidth of the extended state observer, in rad/s. It must be less than 2 rad per sample of the speed
+    loop."""
     tuning: AutoTuning | None = None
-    """`{ rule = "auto" }`: computes the keys that are left out of this table, see [](/laws/auto.md)."""
+    """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
 

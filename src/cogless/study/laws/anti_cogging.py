@@ -23,14 +23,14 @@ class AntiCogging(Feedback, Startable):
     """PI with a current table over the mechanical angle, learned in a commissioning run or before."""
 
     law: Literal["anti-cogging"]
-    """PI and an anti-cogging table."""
+    """PI and an anti-cogging table, that is, a table of currents over the rotor's angle."""
     cells: Annotated[int, Field(ge=4, le=MAP_CELLS_MOST)] = 720
-    """Number of the table's entries over a mechanical revolution."""
+    """Number of entries of the anti-cogging table in a mechanical revolution."""
     lead: StartTime = 0.0  # s
-    """The table is read at the angle that the rotor will have after this time. This compensates the current
-    loop's lag."""
+    """The law reads the anti-cogging table at the angle that the rotor will have after this time. So it
+    compensates the delay of the current loop."""
     calibration: Commissioning | None = None
-    """Slow run, before the scenario, that fills the table. Give this or `start`."""
+    """Slow run before the scenario, which fills the anti-cogging table. Give `calibration` or `start`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         "cells": 720,

@@ -53,19 +53,20 @@ class Harmonic(Feedback, LearnsWhileRunning):
     """PI with learned harmonics: every gain and order follows from motor and drive."""
 
     law: Literal["harmonic"]
-    """PI with learned harmonics of the motor."""
+    """PI with learned harmonics of the motor's ripple."""
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
-    """Lowest learned order of a mechanical revolution. The other learned orders are its multiples. Default:
-    the common divisor of `slots` and poles, or the multiple of this divisor that [reaches the main
-    order](/laws/harmonic.md#the-rule). If you give `base`, each order acts up to the speed at which its phase
-    advances by 2.6 rad per sample of the law."""
+    """Lowest order that the law learns, in waves per mechanical revolution. The law learns only multiples of
+    `base`. Default: the greatest common divisor of `slots` and poles, or in some cases [a multiple of this
+    divisor](/laws/harmonic.md#the-rule). If you give `base`, each order acts up to the speed at which its
+    phase advances by 2.6 rad per sample of the law."""
     limit: CurrentBound | None = None  # A
-    """Largest magnitude of the learned current, and of the cosine and sine of each order. Default:
-    `current_limit`."""
+    """Largest magnitude of the learned current, and of the cosine and the sine coefficient of each order.
+    Default: `current_limit` of the drive."""
     position: bool = False
-    """True: the law controls the position. False: the speed."""
+    """True: the law controls the position. False: the law controls the speed."""
     k_theta: RateGain | None = None  # 1/s
-    """Gain of the angle error. Give it only if `position` is true and `kp` and `ki` are given."""
+    """Position gain: speed per angle error. Give it if `position` is true and you also give `kp` and `ki`;
+    otherwise leave it out."""
 
     @model_validator(mode="after")
     def _of_position(self) -> Self:

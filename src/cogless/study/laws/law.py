@@ -58,16 +58,17 @@ class Start(Table):
 
     # in the format of control/SPEC.md, as `cogless run` writes and firmware saves
     map: StartFile | None = None
-    """[A stored map](/guide/stored-maps.md#start-a-run-from-a-map), relative to the study. Give this or
-    `table`."""
+    """File of [a stored map](/guide/stored-maps.md#start-a-run-from-a-map) from which the law starts; the
+    path is relative to the study. Give `map` or `table`."""
     table: StartFile | None = None
-    """CSV of a current or torque over the angle, relative to the study, [with units in its
-    heading](/guide/stored-maps.md#a-foreign-table)."""
+    """CSV file of a current or torque over the rotor's angle, [with units in its first
+    line](/guide/stored-maps.md#a-foreign-table), from which the law starts. The path is relative to the
+    study. Give `map` or `table`."""
     frame: Literal["mechanical", "electrical"] = "mechanical"
-    """Revolution, mechanical or electrical, over which the table's angle counts."""
+    """Whether the angle in the file of `table` is mechanical or electrical."""
     sign: Literal["holding", "cogging"] | None = None
-    """Meaning of the table's values; this key is required. `"holding"`: current or torque that holds the
-    rotor against the motor's own torque. `"cogging"`: the motor's own torque."""
+    """Meaning of the values in the file of `table`, with which this key is required. `"holding"`: current or
+    torque that holds the rotor against the motor's own torque. `"cogging"`: the motor's own torque."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -106,11 +107,11 @@ class Tuning(Table):
     """
 
     rule: Literal["phase-margin", "auto"]
-    """`phase-margin` gives the gains of the feedback: [](/laws/pi.md). `auto` gives all numbers of the law
-    that its table leaves out: [](/laws/auto.md)."""
+    """`phase-margin`: computes the gains of the feedback from the key `phase_margin`, see [](/laws/pi.md).
+    `auto`: computes all numbers of the law that the controller's table leaves out, see [](/laws/auto.md)."""
     phase_margin: PhaseMargin = math.radians(45)  # rad
-    """Phase margin of the feedback, from 20 to 80 deg (0.3 to 1.45 rad). `auto` takes 45 deg if this key is
-    left out."""
+    """Phase margin of the feedback, from 20 to 80 deg (0.3 to 1.45 rad). The rule `phase-margin` requires
+    this key; the rule `auto` takes 45 deg by default."""
 
     @property
     def is_auto(self) -> bool:
@@ -162,7 +163,8 @@ class AutoTuning(Tuning):
     """The rule auto alone."""
 
     rule: Literal["auto"]
-    """`auto`, see [](/laws/auto.md)."""
+    """`auto`: computes all numbers of the law that the controller's table leaves out, see
+    [](/laws/auto.md)."""
 
 
 def unit_within(annotations: list[Any]) -> str:
@@ -193,11 +195,11 @@ class Commissioning(Table):
     """The slow run, forwards and backwards, that fills an anti-cogging table."""
 
     speed: LawSpeed  # rad/s
-    """Speed of the commissioning run."""
+    """Speed at which the rotor turns in the calibration run."""
     revolutions: Annotated[int, Field(ge=1, le=100)] = 1
-    """Revolutions that the commissioning run records in each direction."""
+    """Number of revolutions that the calibration run records in each direction."""
     position_gain: RateGain  # 1/s
-    """Speed per angle error with which the commissioning run follows its reference angle."""
+    """Speed per angle error with which the rotor follows its reference angle in the calibration run."""
 
     @property
     def duration(self) -> float:
@@ -214,10 +216,11 @@ class Base(Table):
     """
 
     label: Line | None = None
-    """Name in tables and report. Default: its name in the study."""
+    """Name of the controller in tables and report. Default: its name in the study."""
     baseline: bool = False
-    """True: tables and report show the other controllers' values as ratios to those of this one. Only one
-    controller may be the baseline. Default: the first one."""
+    """True: this controller is the baseline. Tables and report show the values of the other controllers as
+    ratios to those of the baseline. Only one controller may be the baseline. Default: the first controller of
+    the study."""
 
     if TYPE_CHECKING:
         law: str  # name of the law; each law declares this as its first own key
@@ -452,11 +455,12 @@ class Feedback(Base):
     """A speed PI controller: kp and ki, or the rule that computes them."""
 
     kp: SpeedGain | None = None  # A*s/rad
-    """Proportional gain. Give it with `ki`, or give `tuning`."""
+    """Proportional gain of the PI: current per speed error. Give `kp` and `ki`, or `tuning`."""
     ki: SpeedIntegralGain | None = None  # A/rad
-    """Integral gain."""
+    """Integral gain of the PI: current per integral of the speed error. Give `kp` and `ki`, or `tuning`."""
     tuning: Tuning | None = None
-    """Rule that gives `kp` and `ki`. The learning part of `harmonic` always has its own rule."""
+    """Rule that computes `kp` and `ki`. The law `harmonic` computes the numbers of its learning part by a
+    rule even if you give `kp` and `ki`."""
 
     @property
     def has_pi(self) -> bool:
@@ -503,9 +507,9 @@ class Startable(Base):
     """A law whose map over the angle can be one that was learned before."""
 
     start: Start | None = None
-    """Map that the law has learned before the run. Default: an empty map. With this key, a class of your own
-    needs the methods `learned_map` and `load_map`, a library the functions `cogless_plugin_learned_map` and
-    `cogless_plugin_load_map`."""
+    """Map that the law has at the start of the run because it was learned before. Default: an empty map. To
+    take such a map, a Python class of your own needs the methods `learned_map` and `load_map`; a library of
+    your own needs the functions `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
 
     @property
     def begins_with(self) -> Start | None:
@@ -516,7 +520,7 @@ class LearnsWhileRunning(Startable):
     """A law that learns during the run, from a time on."""
 
     learning_start: StartTime = 0.0  # s
-    """Time at which learning starts."""
+    """Time of the run at which learning starts."""
 
     learns_while_running: ClassVar[bool] = True
 
@@ -552,23 +556,23 @@ class Learning(LearnsWhileRunning):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
-    """`"time"`: the memory is a delay line over time. `"angle"`: it is a map over the rotor's angle. See
-    [](/laws/memory.md)."""
+    """Where the law stores the learned current. `"angle"`: in a map over the rotor's angle. `"time"`: in a
+    delay line over time. See [](/laws/memory.md)."""
     period: Literal["electrical", "mechanical"] = "mechanical"
-    """Period of the ripple: an electrical or a mechanical revolution."""
+    """Period after which the ripple repeats: an electrical or a mechanical revolution."""
     cells: Cells = 1024
-    """With `memory = "angle"`: entries of the map in a period, at most 65535. With `"time"`: the longest
-    period, in speed-loop samples."""
+    """With `memory = "angle"`: number of entries of the map in a period, at most 65535. With `"time"`:
+    largest number of speed-loop samples that a period may have."""
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of the learned values that is kept from one period to the next. 1: all of it."""
+    """Share of the learned current that is kept from one period to the next. 1: nothing is forgotten."""
     q_half_width: Annotated[int, Field(ge=0)] = 0
-    """The Q filter averages each entry of the memory with this many entries on either side of it. 0: no
-    filter."""
+    """Half width of the [Q filter](/laws/memory.md#q-filter-and-forgetting), which averages each entry of the
+    memory with this many entries on each side. 0: no Q filter."""
     lead: StartTime = 0.0  # s
-    """The present error corrects the entry that acted this long ago. The time is rounded to speed-loop
-    samples, at most `cells`/4 of them."""
+    """Time from a current to the speed error that it causes. The present error corrects the memory's entry
+    that acted this long ago. The time is rounded to speed-loop samples, at most a quarter of `cells`."""
     limit: CurrentBound | None = None  # A
-    """Largest magnitude of the learned part. Default: `current_limit`."""
+    """Largest magnitude of the learned current. Default: `current_limit` of the drive."""
 
     @property
     def over_angle(self) -> bool:

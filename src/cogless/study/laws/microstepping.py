@@ -27,11 +27,12 @@ class Wave(Table):
     """A part of a correction: magnitude sin(order u + phase), u the electrical angle of the reference."""
 
     order: Annotated[int, Field(ge=1, le=1000)]
-    """Number of these waves in an electrical revolution."""
+    """Number of periods of this wave in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
-    """Amplitude of this wave, as an electrical angle."""
+    """Amplitude of this wave, as an electrical angle. The wave adds magnitude sin(order $u$ + phase) to the
+    commanded electrical angle $u$."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
-    """Phase of this wave."""
+    """Phase of this wave: 360 deg are one of its periods."""
 
 
 Waves = Annotated[Many[Wave], Field(max_length=CORRECTION_WAVES_MOST)]
@@ -56,17 +57,17 @@ class AngleCorrection(Table):
     """What is added to the commanded electrical angle, for each direction."""
 
     forward: Waves = ()
-    """Waves at positive speed, at most 8."""
+    """Waves of the correction while the motor turns forwards (positive speed), at most 8."""
     backward: Waves = ()
-    """Waves at negative speed, at most 8."""
+    """Waves of the correction while the motor turns backwards (negative speed), at most 8."""
 
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)] | None = None  # A rms
-    """Current of each coil, rms, at which the correction is right. A law with another `current` gets a
-    warning."""
+    """Rms current of each coil for which the correction is right. cogless warns if the law's key `current`
+    differs from it so much that over 5 % of the ripple would remain."""
 
     file: File | None = None
-    """File `correction.json` that `cogless identify` wrote for a printer. It replaces the other three
-    keys."""
+    """File `correction.json` that `cogless identify` wrote for a printer. It replaces `forward`, `backward`
+    and `current`."""
 
     @model_validator(mode="after")
     def _rises(self, info: ValidationInfo) -> AngleCorrection:
@@ -123,15 +124,15 @@ class Microstepping(Base):
     open_loop: ClassVar[bool] = True
 
     law: Literal["microstepping"]
-    """Microstepping, see [](/laws/microstepping.md)."""
+    """Microstepping of a step motor without a sensor, see [](/laws/microstepping.md)."""
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)]  # A rms
-    r"""Current of each coil, rms, like `run_current` of a driver. The current's amplitude is $\sqrt2$ times
-    as large."""
+    r"""Rms current of each coil, like `run_current` of a stepper driver. The current's amplitude is $\sqrt2$
+    times as large."""
     microsteps: Annotated[int, Field(ge=1, le=MICROSTEPS_MOST)] = 256
-    """Microsteps in a full step, a power of two up to 1024."""
+    """Number of microsteps in a full step: a power of two up to 1024."""
     correction: AngleCorrection | None = None
-    """Waves that are added to the commanded angle, as `cogless identify --drive klipper` identifies them.
-    Default: none."""
+    """Waves that are added to the commanded angle to reduce ripple, such as those of `cogless identify
+    --drive klipper`. Default: no correction."""
 
     @field_validator("microsteps")
     @classmethod

@@ -19,11 +19,12 @@ class OwnLaw(Startable):
     NOT_ON_PAGE: ClassVar[str] = "its law is your own code, which the page doesn't run"
 
     learning: bool = False
-    """True: the law learns. Reports then count it among the learning laws."""
+    """True: reports count this law among the learning laws. False: they count it among the laws without
+    learning."""
     learning_start: StartTime = 0.0  # s
-    """Time at which `inputs.learn` becomes true."""
+    """Time of the run at which the law's input `learn` becomes true."""
     position: bool = False
-    """True: the law controls the position. Its angle error is then recorded."""
+    """True: this law controls the position, so the angle error is recorded. False: it controls the speed."""
 
     @property
     def learns(self) -> bool:
@@ -54,12 +55,14 @@ class PythonLaw(OwnLaw):
     NO_C_FORM: ClassVar[str] = "has no C form"
 
     law: Literal["python"]
-    """A class of your own, see [](/guide/own-controller.md)."""
+    """A Python class of your own, see [](/guide/own-controller.md)."""
     # "file.py:Class", relative to the study
     object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
-    """Python file, relative to the study, and the class in it."""
+    """Python file and class of the law, such as `my_law.py:MyLaw`. The path of the file is relative to the
+    study."""
     params: dict[str, Any] = Field(default={})
-    """Keyword arguments of the class. A number with a unit is converted to SI."""
+    """Keyword arguments with which cogless makes an object of the class. A number with a unit is converted to
+    SI."""
 
     @property
     def code(self) -> str:
@@ -85,9 +88,10 @@ class LibraryLaw(OwnLaw):
     law: Literal["library"]
     """A shared library of your own, see [](/guide/own-controller.md)."""
     library: File
-    """File of the library, relative to the study."""
+    """File of the shared library; its path is relative to the study."""
     params: Many[float | str] = ()
-    """Numbers, with or without units, that the library's init function gets."""
+    """Numbers, with or without units, that the init function of the library receives. A number with a unit is
+    converted to SI."""
 
     @field_validator("params")
     @classmethod

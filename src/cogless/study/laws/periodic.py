@@ -21,9 +21,10 @@ class PiIlc(Feedback, Learning):
     """PI with P-type iterative learning (Liu 2018, law 29)."""
 
     law: Literal["pi-ilc"]
-    """PI with P-type learning."""
+    """PI with iterative learning of P type."""
     gain: SpeedGain  # A*s/rad
-    """Gain with which the law learns from the speed error."""
+    """Learning gain: current per speed error by which the learned current changes from one period to the
+    next."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"gain": 0.0, **PERIODIC}
     LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("gain",)
@@ -46,27 +47,35 @@ class RobustIlc(Learning):
     law: Literal["robust-ilc"]
     """Robust ILC by adaptive sliding mode."""
     b: CurrentToAcceleration  # rad/s^2/A
-    """Acceleration per current, $K_t / J$, that the controller assumes."""
+    """Acceleration per current that the controller assumes: $K_t / J$, the torque constant divided by the
+    inertia."""
     c: RateGain  # 1/s
-    """Slope of the sliding surface."""
+    """Slope $c$ of the sliding surface $S$ ([equations](/laws/robust-ilc.md#equations))."""
     g: AccelerationGain  # rad/s^2
-    """Switching gain."""
+    r"""Gain $g$ of the switching term $g\,\mathrm{sgn}\,S$, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     eta: RateGain  # 1/s
-    """Linear reaching gain."""
+    r"""Gain $\eta$ of the linear term $\eta S$, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     q: NumberGain
-    """Learning rate."""
+    r"""Learning rate $q$ of the learned acceleration $\hat f$
+    ([equations](/laws/robust-ilc.md#equations))."""
     beta_1: AccelerationGain  # rad/s^2
-    """Weight of sgn S in learning."""
+    r"""Weight $\beta_1$ of $\mathrm{sgn}\,S$ in learning, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     beta_2: RateGain  # 1/s
-    """Weight of S in learning."""
+    r"""Weight $\beta_2$ of $S$ in learning, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     gamma: RateGainPerTime  # 1/s^2
-    """Adaptation rate."""
+    r"""Adaptation rate $\gamma$ of the load estimate $\hat r$
+    ([equations](/laws/robust-ilc.md#equations))."""
     viscous: RateGain = 0.0  # 1/s
-    """Viscous part of the known friction."""
+    """Viscous part of the friction that the controller assumes, as deceleration per speed."""
     coulomb: AccelerationGain = 0.0  # rad/s^2
-    """Coulomb part of the known friction."""
+    """Coulomb part of the friction that the controller assumes, as a deceleration."""
     tuning: AutoTuning | None = None
-    """`{ rule = "auto" }`: computes the keys that are left out of this table, see [](/laws/auto.md)."""
+    """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),

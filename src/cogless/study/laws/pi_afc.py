@@ -22,16 +22,18 @@ class PiAfc(Feedback, LearnsWhileRunning):
     law: Literal["pi-afc"]
     """PI with adaptive feedforward cancellation."""
     orders: Many[int]  # mechanical
-    """Rising orders of the mechanical revolution that the law learns."""
+    """Orders that the law learns, in waves per mechanical revolution and in rising order, at most 16."""
     gain: SpeedIntegralGain  # A/rad
-    """Learning gain."""
+    """Learning gain $g$ ([equations](/laws/pi-afc.md#equations)): change of a learned coefficient (a current)
+    per time and per speed error."""
     lead: StartTime = 0.0  # s
     """Delay from the current to the measured speed. The present error corrects the coefficients at the angle
     that the rotor had this long ago. The delay is not rounded to samples."""
     omega_min: LawSpeed = 0.01  # rad/s
-    """Speed below which learning pauses. What was learned still acts."""
+    """Speed of the reference below which the law does not learn. What it has learned still acts."""
     limit: CurrentBound | None = None  # A
-    """Largest magnitude of each coefficient and of the learned part. Default: `current_limit`."""
+    """Largest magnitude of each learned coefficient and of the whole learned current. Default:
+    `current_limit` of the drive."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"orders": [1], "gain": 0.0, "lead": 0.0}
     LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("gain",)

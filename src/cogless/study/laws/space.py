@@ -46,11 +46,11 @@ class Period(Table):
     """The period of what is learned: turns / parts of an electrical or mechanical revolution."""
 
     of: Literal["electrical", "mechanical"] = "electrical"
-    """Kind of the revolutions that `turns` counts: electrical or mechanical."""
+    """Whether `turns` counts electrical or mechanical revolutions."""
     turns: Whole = 1
-    """Number of revolutions. The period is `turns`/`parts` revolutions."""
+    """Numerator of the period's length: the ripple repeats after `turns`/`parts` revolutions."""
     parts: Whole = 1
-    """Divisor: the period is `turns`/`parts` revolutions."""
+    """Denominator of the period's length: the ripple repeats after `turns`/`parts` revolutions."""
 
     @property
     def description(self) -> str:
@@ -67,43 +67,46 @@ class SpaceLearning(LearnsWhileRunning):
     """The memory of a law that learns over the angle."""
 
     learning: bool = True
-    """False: only the feedback acts."""
+    """True: the law learns. False: only its feedback acts."""
     period: Period = Period()
-    """The period of the ripple."""
+    """Period after which the ripple repeats, as a part or a multiple of a revolution."""
     memory: Literal["map", "delay"] = "map"
-    """`"map"`: a map over the angle. `"delay"`: a delay line over time; the law reads what it stored one
-    period of the ripple, $P_t$ seconds, ago."""
+    """Where the law stores the learned functions. `"map"`: in a map over the angle. `"delay"`: in a delay
+    line over time, from which the law reads what it stored one period of the ripple, $P_t$ seconds, ago."""
     delay_method: Literal["ode", "inversion"] = "ode"
-    """How the delay line's time $P_t$ is computed. `"ode"`: by the paper's differential equation.
-    `"inversion"`: by inversion."""
+    r"""How the law computes the delay $P_t$ of the delay line. `"ode"`: by the differential equation of the
+    paper. `"inversion"`: it solves $\theta^*(t - P_t) = \theta^*(t) - T$ for $P_t$, with the reference angle
+    $\theta^*$ and the period $T$."""
     k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s
-    """Gain in the differential equation for $P_t$."""
+    """Gain in the differential equation for the delay $P_t$, if `delay_method` is `"ode"`."""
     cells: Cells = 1024
-    """With `memory = "map"`: number of entries of the map, at most 65535. With `"delay"`: the longest period,
-    in speed-loop samples."""
+    """With `memory = "map"`: number of entries of the map, at most 65535. With `"delay"`: largest number of
+    speed-loop samples that a period may have."""
     q_half_width: Annotated[int, Field(ge=0)] = 5
-    """The Q filter averages each entry of the map, or sample of the delay line, with this many on either side
-    of it. 0: no filter, as in the paper."""
+    """Half width of the [Q filter](/theory/learning-in-angle.md#q-filter), which averages each entry of the
+    map, or each sample of the delay line, with this many neighbours on each side. 0: no Q filter, as in the
+    paper."""
     # learning gains of alpha, beta and h; rad in their units refers to the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
-    r"""Learning gain of $\alpha$, the part of the learned current that depends only on the angle. 0: no such
-    part."""
+    r"""Learning gain of $\alpha$, the learned current that depends only on the angle. 0: $\alpha$ is not
+    learned."""
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
-    r"""Learning gain of $\beta$, the part of the learned current that grows with the speed. 0: no such
-    part."""
+    r"""Learning gain of $\beta$. The learned current contains $\beta$ times the speed. 0: $\beta$ is not
+    learned."""
     mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
-    """Learning gain of $h$, the part of the learned current that grows with the acceleration. 0: no such
-    part."""
+    """Learning gain of $h$. The learned current contains $h$ times the acceleration. 0: $h$ is not
+    learned."""
     alpha_limit: CurrentBound | None = None  # A
-    r"""Largest magnitude of the stored $\alpha$. Default: `current_limit`."""
+    r"""Largest magnitude of the learned function $\alpha$, a current. Default: `current_limit` of the
+    drive."""
     beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None  # A*s/rad
-    r"""Largest magnitude of the stored $\beta$. Default: the value that gives `current_limit` at the top
-    speed."""
+    r"""Largest magnitude of the learned function $\beta$, current per speed. Default: the value that gives
+    `current_limit` at the top speed."""
     h_limit: Annotated[float, Quantity(units.CURRENT_PER_ACCELERATION, ">", bare=True)] | None = None
-    """Largest magnitude of the stored $h$. Default: the value that gives `current_limit` at the top
-    acceleration."""
+    """Largest magnitude of the learned function $h$, current per acceleration. Default: the value that gives
+    `current_limit` at the top acceleration."""
     omega_min: LawSpeed = 0.01  # rad/s
-    """Speed below which learning pauses. What was learned still acts."""
+    """Speed below which the law does not learn. What it has learned still acts."""
 
     @model_validator(mode="after")
     def _cells_fit(self) -> Self:
@@ -270,29 +273,35 @@ class SpacePosition(SpaceLearning):
     """Position control that learns in angle, with hand-over from integral action (Verrelli 2016, law 6)."""
 
     law: Literal["space-position"]
-    """Position control that learns in angle."""
+    """Position control that learns over the angle."""
     frame: Literal["electrical", "mechanical"] = "electrical"
-    """Angles and speeds to which the gains apply. `electrical`: the mechanical ones times the pole pairs."""
+    """Angles and speeds to which the gains of the law apply. `mechanical`: those of the rotor. `electrical`:
+    those of the rotor times the pole pairs."""
     k_theta: RateGain | None = None  # 1/s
-    """Speed reference per angle error. Give it with `k_omega`, or give `tuning`."""
+    """Position gain: speed per angle error. Give `k_theta` and `k_omega`, or `tuning`."""
     k_omega: SpeedGain | None = None  # A*s/rad
-    """Current per speed error."""
+    """Speed gain: current per speed error. Give `k_theta` and `k_omega`, or `tuning`."""
     k_i: SpeedIntegralGain = 0.0  # A/rad
-    """Gain of the integral action. With `hand_over` the integral action fades out when learning starts."""
+    """Gain of the integral of the feedback. With `hand_over` the integral fades out when learning starts."""
     tuning: Tuning | None = None
-    """Rule that gives `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
+    """Rule that computes `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
     k_v: SpeedIntegralGain = 0.0  # A/rad
-    """Gain of an additional current per angle error."""
+    """Gain of an additional current that is proportional to the angle error."""
     v_0: SpeedGain = 0.0  # A*s/rad
-    """Constant part of the robustifying gain."""
+    r"""Constant part $v_0$ of the additional speed gain $v = v_0 + v_2\,\omega^2$ at the speed $\omega$
+    ([equations](/laws/space-position.md#equations))."""
     v_2: Annotated[float, Quantity(units.CUBIC_SPEED_GAIN, ">=", bare=True)] = 0.0  # A*s^3/rad^3
-    """Part of the robustifying gain that grows with the square of the speed."""
+    r"""Factor $v_2$ in the additional speed gain $v = v_0 + v_2\,\omega^2$ at the speed $\omega$
+    ([equations](/laws/space-position.md#equations))."""
     hand_over: bool = True
-    """True: the integral action fades out while learning fades in."""
+    """True: the integral of the feedback fades out while learning fades in. False: the integral keeps
+    acting."""
     ramp: StartTime = 1.0  # s
-    """Time from `learning_start` over which the learning gains rise and `hand_over` takes place."""
+    """Time from `learning_start` on in which learning fades in and, with `hand_over`, the integral of the
+    feedback fades out."""
     index: Literal["reference", "rotor"] = "reference"
-    """Angle over which the memory is stored: that of the `reference` or that of the `rotor`."""
+    """Angle over which the law stores what it learns: the angle of the `reference` or the measured angle of
+    the `rotor`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"frame": "mechanical", "hand_over": False, **MECHANICAL}
 
@@ -332,11 +341,12 @@ class SpaceSpeed(SpaceLearning):
     law: Literal["space-speed"]
     """Speed control that learns over the rotor's angle."""
     k: SpeedGain  # A*s/rad
-    """Current per speed error."""
+    """Gain of the feedback: current per speed error."""
     eta_bar: LawSpeed  # rad/s
-    """Speed error above which learning pauses."""
+    """Speed error above which the law does not learn."""
     tuning: AutoTuning | None = None
-    """`{ rule = "auto" }`: computes the keys that are left out of this table, see [](/laws/auto.md)."""
+    """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"k": 0.0, "eta_bar": 1.0, **MECHANICAL}
 

@@ -23,21 +23,21 @@ class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
-    """Frequency at which the filter's gain is one half, for its forward and backward pass together. It must
-    be below half the sampling rate."""
+    """Frequency at which the forward and the backward pass of the filter together have the gain one half. It
+    must be below half the sampling rate."""
     order: Annotated[int, Field(ge=1, le=4)] = 2
-    """Order of the Butterworth filter that runs in each direction."""
+    """Order of the Butterworth filter, which runs once in each direction."""
     ends: Ends = "even"
-    """How the filter continues the signal beyond both ends of the trial, by reflection. With `even` it never
-    raises a signal's RMS. `odd`, as in SciPy's filtfilt, amplifies noise near the ends."""
+    """How the filter continues the signal, by reflection, beyond both ends of the trial. `even`: the filter
+    never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: noise near the ends is amplified."""
 
 
 class QFilter(SignalFilter):
     """The filter of a law that learns with a single gain."""
 
     acts_on: Literal["error", "signal"] = "error"
-    """Signal that is filtered. `error`: the error before the law learns from it. `signal`: the whole learned
-    signal."""
+    """Signal that is filtered between two trials. `error`: the error, before the law learns from it.
+    `signal`: the whole learned signal."""
 
 
 class StudyOfTrials(Protocol):
@@ -55,14 +55,14 @@ class TrialLaw(Base):
     """The keys that every law of trials has."""
 
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
-    """Largest magnitude of the learned signal $v$. With `state-ilc` and `observer-ilc` $v$ is in the unit of
-    the input."""
+    """Largest magnitude of the learned signal $v$. In `state-ilc` and `observer-ilc`, $v$ has the unit of the
+    plant's input."""
     basis_functions: bool = False
-    """True: what was learned [moves along with a changed
-    reference](/guide/trial-studies.md#a-motion-that-changes)."""
+    """True: if the reference changes, the learned signal [changes with
+    it](/guide/trial-studies.md#a-motion-that-changes)."""
     guard: bool = True
-    """False: switches off [the guard](/laws/trial.md#the-guard), which takes back learning that leaves more
-    error than the feedback alone."""
+    """True: [the guard](/laws/trial.md#the-guard) takes back learning that leaves more error than the
+    feedback alone. False: there is no guard."""
 
     of_trials: ClassVar[bool] = True
     # design settings that the law has under another name: setting -> key of the law
@@ -92,13 +92,13 @@ class FilteredLaw(TrialLaw):
     SHIFTS_ON_PAGE: ClassVar[bool] = False  # whether a live page has a slider for `shift`
 
     q_filter: QFilter | Literal["auto", "none"] | None = None
-    """Filter that acts between trials, `"auto"` for [the design's
+    """Filter that acts between two trials, or `"auto"` for [the design's
     choice](/theory/trial-design.md#shift-and-filter-together), or `"none"`. Default of `trial-ilc`: `"auto"`,
     but no filter if `shift` is a number or `K_3` is given. Default of `state-ilc`: no filter."""
     shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
-    """Samples from the learned signal to the error from which it learns: sample $p$ of $v$ learns from the
-    error at $p$ + `shift`. Default: `"auto"` if the filter is `"auto"`, else the relative degree. A loop with
-    more lag needs a larger shift."""
+    """Number of samples by which the error lies after the learned signal $v$ that it corrects: sample $p$ of
+    $v$ learns from the error at $p$ + `shift`. A loop with more lag needs a larger shift. Default: `"auto"`
+    if the filter is `"auto"`, otherwise [the relative degree](/theory/trial-design.md)."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -124,23 +124,27 @@ class TrialIlc(FilteredLaw):
     SHIFTS_ON_PAGE: ClassVar[bool] = True
 
     law: Literal["trial-ilc"]
-    """State feedback with integral action, feedforward, learning."""
+    """State feedback with integral action, feedforward and learning from trial to trial."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where the learned signal $v$ is added. With `"input"` the integrator [works against what is
+    """Where the learned signal $v$ is added: to the input and the integrator, or only to the input. With
+    `"input"` the integrator [works against what is
     learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
-    """False switches the integrator off."""
+    """True: the feedback has an integrator of the error. False: it has none."""
     learning: bool = True
-    """False keeps the learned signal $v$ at zero."""
+    """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
-    """False switches the dynamic feedforward off."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference. False:
+    it has none."""
     K_s: Many[float] | None = None
-    """Gains of the states and the integrator. Given gains are certified, but not designed."""
+    """Gains of the state feedback: one for each state, then one for the integrator. `cogless design`
+    certifies given gains. Default: the design computes the gains."""
     N: float | None = None
-    """Gain of the static feedforward. Default: by the design."""
+    """[Gain](/theory/trial-design.md#feedforward) from the learned signal to the input. Default: the design
+    computes it."""
     K_3: float | None = None
-    """Learning gain. Default: by the design. A given gain does not change a shift or a filter that is
-    `"auto"`."""
+    """Learning gain. Default: the design computes it. A given gain does not change a `shift` or `q_filter`
+    that is `"auto"`."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -173,11 +177,11 @@ class StateIlc(FilteredLaw):
     DESIGN_KEYS: ClassVar[dict[str, str]] = {"K_s": "K_stab", "K_3": "K_ilc"}
 
     law: Literal["state-ilc"]
-    """The older law, equation (3) of Mandra 2019."""
+    """[The older law](/theory/trial-design.md#the-older-law-3), equation (3) of Mandra 2019."""
     K_stab: Many[float] | None = None
-    """Gains of the state feedback. Default: by the design."""
+    """Gains of the state feedback, one for each state. Default: the design computes them."""
     K_ilc: float | None = None
-    """Learning gain. Default: by the design."""
+    """Learning gain. Default: the design computes it."""
 
     @property
     def design_settings(self) -> dict[str, Any]:
@@ -201,25 +205,29 @@ class NormOptimalIlc(TrialLaw):
     )
 
     law: Literal["norm-optimal"]
-    """Norm-optimal learning, by a matrix."""
+    """Norm-optimal learning: a matrix computes the correction from the error of the whole trial."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where the learned signal $v$ is added: to input and integrator, or only to the input."""
+    """Where the learned signal $v$ is added: to the input and the integrator, or only to the input."""
     integral: bool = True
-    """False switches the integrator off."""
+    """True: the feedback has an integrator of the error. False: it has none."""
     feedforward: bool = True
-    """False switches the dynamic feedforward off."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference. False:
+    it has none."""
     K_s: Many[float] | None = None
-    """Gains of the states and the integrator. Default: by the design."""
+    """Gains of the state feedback: one for each state, then one for the integrator. Default: the design
+    computes them."""
     N: float | None = None
-    """Gain of the static feedforward. Default: by the design."""
+    """[Gain](/theory/trial-design.md#feedforward) from the learned signal to the input. Default: the design
+    computes it."""
     q_filter: SignalFilter | None = (
         None  # on the learned signal: a weight of the signal itself over frequency
     )
-    r"""Filter on the learned signal, $v \leftarrow Q\,(v + L e)$. Default: none. Above the cut-off, the law
-    forgets what it has learned ([why](/theory/trial-design.md#a-weight-of-the-signal-itself))."""
+    r"""Filter $Q$ on the learned signal $v$, so that $v \leftarrow Q\,(v + L e)$ with the error $e$ and the
+    learning matrix $L$. Above its cut-off, the law forgets what it has learned
+    ([why](/theory/trial-design.md#a-weight-of-the-signal-itself)). Default: no filter."""
     change_weight: Annotated[float, Field(gt=0)] = 0.01
-    """Weight of the change of $v$ from trial to trial, relative to the weight of the error. With a larger
-    weight the law learns more slowly and tolerates a worse model."""
+    """Weight of the change of the learned signal $v$ from trial to trial, relative to the weight of the
+    error. With a larger weight the law learns more slowly and tolerates a worse model."""
 
     @property
     def design_settings(self) -> dict[str, Any]:
@@ -236,21 +244,25 @@ class ObserverIlc(TrialLaw):
     """Feedback from an observed error, and learning of the input that was missing; all gains by a rule."""
 
     law: Literal["observer-ilc"]
-    """An observer's feedback, and learning of the missing input."""
+    """Feedback from [an observer, and learning of the missing
+    input](/laws/trial.md#learning-the-missing-input)."""
     learning: bool = True
-    """False keeps the learned signal $v$ at zero."""
+    """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
-    """False: leaves out the input that the nominal plant needs for the reference."""
+    """True: the law adds the input that the nominal plant needs to follow the reference. False: it does
+    not."""
     pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
         None  # of observer and feedback; default: by the rule
     )
-    """Pole of observer and feedback, from 0 to below 1; a smaller pole is faster. Default: by the law's
-    rule."""
+    """Pole of observer and feedback, from 0 to below 1; a smaller pole is faster. Default: [a
+    rule](/theory/trial-design.md#learning-the-missing-input) computes it."""
     cutoff: LawFrequency | None = None
-    """Cut-off of the filter on the learned signal $v$. Default: by the law's rule."""
+    """Cut-off frequency of the filter on the learned signal $v$. Default: [a
+    rule](/theory/trial-design.md#learning-the-missing-input) computes it."""
     ends: Ends = "even"
-    """How the filter continues the learned signal beyond both ends of the trial, as the key `ends` of
-    `q_filter`."""
+    """How the filter continues the learned signal, by reflection, beyond both ends of the trial. `even`: the
+    filter never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: noise near the ends is
+    amplified."""
 
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
 
@@ -299,30 +311,36 @@ class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
     discretisation: Literal["euler", "exact"] | None = None
-    """How the design samples its models: `exact` with a zero-order hold, or `euler`. Default: Euler's models
-    in the inequalities, exact models for the feedforward
+    """How the design converts continuous models to sampled ones: `exact` for a zero-order hold, or by
+    `euler`. Default: Euler's models in the inequalities, exact models for the feedforward
     ([why](/theory/trial-design.md#the-plant-as-a-polytope))."""
     sensor: bool = True
-    """True: certificate, prediction and the rule of `observer-ilc` take into account the position sensor's
-    latency, speed method and steps, and the delay of a bus ([how](/theory/trial-design.md#the-sensor))."""
+    """True: certificate, prediction and the rule of `observer-ilc` include the latency, speed method and
+    steps of the position sensor, and the delay of a bus ([how](/theory/trial-design.md#the-sensor)). False:
+    they leave this out."""
     state_weight: Weight
-    """Weight Q of (8) in Mandra 2019, a positive definite matrix: its diagonal, or its rows. The integrator
-    comes last. Without an entry for the integrator, every `trial-ilc` and `norm-optimal` must have `integral
-    = false`."""
+    """Weight $Q$ of [the cost (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost), a positive
+    definite matrix, given by its diagonal or by its rows. The last entry is for the integrator. Without this
+    entry, every `trial-ilc` and `norm-optimal` must have `integral = false`."""
     input_weight: Annotated[float, Field(gt=0)]
-    """Weight R of (8) in Mandra 2019."""
+    """Weight $R$ of the input in [the cost
+    (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost)."""
     initial_state: Many[float]
-    r"""Initial state $\gamma$ of (10) in Mandra 2019: the design bounds the cost from this state. It has as
-    many numbers as `state_weight`."""
+    r"""Initial state $\gamma$, from which the design bounds [the
+    cost](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost). It has as many numbers as
+    `state_weight`."""
     initial_change: Many[float] | None = None
-    """Vector f of (31) in Mandra 2019, with as many numbers as `state_weight`. Default: `initial_state`. Give
-    zeros if all trials start alike, even with an offset: $K_3$ is then the gain whose slowest frequency
-    converges fastest."""
+    """Change of the initial state from one trial to the next, for which the design chooses [the learning
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the vector $f$ of (31) in Mandra
+    2019. It has as many numbers as `state_weight`. Default: `initial_state`. If all trials start alike, even
+    with an offset, give zeros: $K_3$ is then the gain whose slowest frequency converges fastest."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
-    """Number g of (31) in Mandra 2019."""
+    """Error of the first trial, for which the design chooses [the learning
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the number $g$ of (31) in Mandra
+    2019."""
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
-    """Ranges of a drive's parameters, `[smallest, largest]` by dotted key: `"mechanics.inertia"`,
-    `"mechanics.viscous_friction"`, `"motor.K_t"`."""
+    """Ranges of the drive's uncertain parameters, `[smallest, largest]` by dotted key. Possible keys are
+    `"mechanics.inertia"`, `"mechanics.viscous_friction"` and `"motor.K_t"`."""
 
     @field_validator("range", mode="before")
     @classmethod
