@@ -161,14 +161,12 @@ def sentences(bands: Sequence[Band]) -> list[str]:
     """A sentence if some band surely differs from the estimate, or else if some band is hidden."""
     for band in reversed(bands):
         if ratio := band.elastic:
-            cause = "The drive is not one rigid body" + (
-                "" if ratio.value > 1 else ", or the logged current is filtered"
-            )
+            filtered = "" if ratio.value > 1 else ", or the logged current is filtered"
             return [
-                f"{cause}: at about {band.frequency:.2g} Hz the inertia is {ratio.value:.2g} +- "
-                f"{ratio.error:.1g} times the inertia of lower frequencies. A flexible shaft, coupling or belt "
-                "does this. The simulation is wrong near this frequency and above. Cogging at such frequencies "
-                "may be wrong by more than its error."
+                f"The drive is not one rigid body{filtered}: at about {band.frequency:.2g} Hz the inertia is "
+                f"{ratio.value:.2g} +- {ratio.error:.1g} times the inertia of lower frequencies. A flexible "
+                "shaft, coupling or belt does this. The simulation is wrong near this frequency and above. "
+                "Cogging at such frequencies may be wrong by more than its error."
             ]
     for band in reversed(bands):
         if band.hidden:
