@@ -299,14 +299,16 @@ STAR_QUESTIONS = {
     "pole-pairs": "Pole pairs (half the number of magnets)",
     "kv": "Kv in r/min per V, or torque constant such as 0.1 N*m/A",
     "resistance": "Resistance between two terminals, in ohm",
-    "inductance": "Inductance between two terminals, in mH",
     "cogging": "Cogging torque, half of peak to peak, in N*m",
 }
+# Asked of "own", whose class says least. In other classes with three phases both ends of the guess change the
+# ripple that harmonic leaves by at most a sixth.
+OWN_QUESTIONS = {"inductance": "Inductance between two terminals, in mH"}
 STEP_QUESTIONS = {
     "holding-torque": "Holding torque, in N*m",
     "rated-current": "Rated current of a coil, in A",
     "resistance": "Resistance of a coil, in ohm",
-    "inductance": "Inductance of a coil, in mH",
+    "inductance": "Inductance of a coil, in mH",  # both ends of the guess may double the ripple
 }
 
 
@@ -319,7 +321,8 @@ def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
     part = parts("motors").get(motor)
     if part is None:  # a shipped motor has a datasheet
         return
-    for flag, text in (STAR_QUESTIONS if part.layouts else STEP_QUESTIONS).items():
+    questions = STAR_QUESTIONS if part.layouts else STEP_QUESTIONS
+    for flag, text in (questions | (OWN_QUESTIONS if motor == "own" else {})).items():
         guess = motor_guesses(motor, numbers).get(flag)
         if guess is None or flag in numbers:
             continue
@@ -384,7 +387,7 @@ def _show_ranking(study: Study, drafted: Draft, path: Path) -> None:
 
     with share_progress("Trying the guesses") as report:
         ranking = rank(study, drafted.guesses, report)
-    settings = holding_settings(study) if ranking.lost else Settings()
+    settings = holding_settings(study, ranking.lost) if ranking.lost else Settings()
     for line in _ranking_lines(study, ranking, settings, path, drafted.unusual):
         print(line)
 
@@ -404,7 +407,7 @@ def _ranking_lines(
     lines = ["", *_answer_lines(study, ranking, designs)]
     if unusual and any(answer.uneven or not answer.holds for answer in outcomes):
         lines += _wrapped(f"Check first what is unusual for such a motor: {', '.join(unusual)}.")
-    lines += _settings_lines(study, ranking, settings, path)
+    lines += _settings_lines(study, settings, path)
     # Effects on harmonic's ripple don't matter where learning is not worth it.
     effects = ranking.largest([name for name in designs if not _is_worthless(designs[name])])[:SHOWN_EFFECTS]
     if ranking.hopeless:
@@ -477,15 +480,14 @@ def _is_worthless(design: Answer | None) -> bool:
     return design is not None and design.verdict == "not worth it"
 
 
-def _settings_lines(study: Study, ranking: Ranking, settings: Settings, path: Path) -> list[str]:
+def _settings_lines(study: Study, settings: Settings, path: Path) -> list[str]:
     """Which settings of the drive hold a speed that is not held, as runs show, and which do not help."""
     from cogless.design.changes import change_words
     from cogless.study.toml import toml
 
     lines = []
-    helped = [name for name in ranking.lost if name in settings.outcomes and settings.outcomes[name].holds]
-    if helped:
-        held = [name for name, answer in settings.outcomes.items() if answer.holds]
+    held = [name for name, answer in settings.outcomes.items() if answer.holds]
+    if held:
         ripples = " and ".join(_rpm(settings.outcomes[name].ripple) for name in held)
         text = f"With {change_words(settings.changes)} harmonic holds {_speeds(study, held)}"
         lines += [
@@ -526,7 +528,7 @@ def _effect_text(effect: Effect) -> str:
         lost = {label: answer for label, answer in effect.outcomes.items() if not answer.holds}
         if not effect.nominal.holds:
             good, outcome = next(item for item in effect.outcomes.items() if item[1].holds)
-            return f"with {good} the speed is held, and harmonic leaves {_rpm(outcome.ripple)}"
+            return f"with {good} the speed is held, and harmonic leaves {_result(outcome)}"
         label, outcome = next(iter(lost.items()))
         return f"with {label} the speed is not held: {outcome.why}"
     low, high = effect.ripples

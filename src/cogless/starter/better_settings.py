@@ -35,9 +35,9 @@ class Way:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Changes that runs show to help, and outcomes with them. `vain`: the ways that do not help, in words."""
+    """Changes that runs show to help. `outcomes`: with them. `vain`: the ways that do not help, in words."""
 
-    changes: dict[str, Any] = field(default_factory=dict)
+    changes: Changes = field(default_factory=dict)
     outcomes: Outcomes = field(default_factory=dict)
     vain: Sequence[str] = ()
 
@@ -50,12 +50,17 @@ def better_settings(study: Study, timer: str, compensates: bool) -> dict[str, An
     """
     ways = [Way(words="the speed method", candidates=partial(_speed_methods, timer=timer))]
     ways += [Way(words="dead-time compensation", candidates=compensations)] if compensates else []
-    return _searched(study, ways, lambda size: False).changes
+    changes, _ = _searched(study, ways, [*study.scenario])
+    return changes
 
 
-def holding_settings(study: Study) -> Settings:
-    """Settings with which `harmonic` holds a speed that it does not hold now, if the voltage allows it."""
-    if all(scenario.top_reference > voltage_reach(study) for scenario in study.scenario.values()):
+def holding_settings(study: Study, lost: Sequence[str]) -> Settings:
+    """Settings with which `harmonic` holds speeds that it does not hold now, if the bus voltage allows them.
+
+    `lost`: the scenarios with these speeds.
+    """
+    lost = [name for name in lost if study.scenario[name].top_reference <= voltage_reach(study)]
+    if not lost:
         return Settings()
     ways = [
         Way(words="the rate of the speed loop", candidates=rates_of_law),
@@ -63,22 +68,30 @@ def holding_settings(study: Study) -> Settings:
         Way(words="dead-time compensation", candidates=compensations),
         Way(words="a slower current loop", candidates=slower_current_loops),
     ]
-    return _searched(study, ways, lambda size: size[0] == 0)
+    changes, vain = _searched(study, ways, lost, until_held=True)
+    (answer,) = outcomes([changed(study, changes)], LEARNING_LAW) if changes else [{}]
+    return Settings(changes=changes, outcomes=answer, vain=vain)
 
 
-def _searched(study: Study, ways: list[Way], enough: Callable[[tuple[int, float]], bool]) -> Settings:
-    """The best way first, then another if it helps clearly, too, and so on until `enough`."""
-    (answer,) = outcomes([study], LEARNING_LAW)
+def _searched(
+    study: Study, ways: Sequence[Way], scenarios: Sequence[str], until_held: bool = False
+) -> tuple[dict[str, Any], list[str]]:
+    """Changes that help in scenarios, and the ways that do not, in words.
+
+    The best way comes first, then another if it helps clearly, too. `until_held`: only until all speeds are
+    held.
+    """
+    (answer,) = outcomes([study], LEARNING_LAW, scenarios)
     least, changes, helpful = shortfall(study, answer), dict[str, Any](), set[str]()
     left = [*ways]
-    while left and not enough(least):
+    while left and not (until_held and least[0] == 0):
         tried = [
             (way, candidate.changes, variant)
             for way in left
             for candidate in way.candidates(study)
             if (variant := _accepted(study, candidate.changes)) is not None
         ]
-        answers = outcomes([variant for *_, variant in tried], LEARNING_LAW)
+        answers = outcomes([variant for *_, variant in tried], LEARNING_LAW, scenarios)
         sizes = [shortfall(study, of_variant) for of_variant in answers]
         better = [place for place, size in enumerate(sizes) if _is_better(size, least)]
         if not better:
@@ -86,12 +99,10 @@ def _searched(study: Study, ways: list[Way], enough: Callable[[tuple[int, float]
         helpful |= {tried[place][0].words for place in better}
         best = min(better, key=lambda place: sizes[place])
         way, change, study = tried[best]
-        least, answer = sizes[best], answers[best]
+        least = sizes[best]
         changes |= change
         left.remove(way)
-    return Settings(
-        changes=changes, outcomes=answer, vain=[way.words for way in ways if way.words not in helpful]
-    )
+    return changes, [way.words for way in ways if way.words not in helpful]
 
 
 def _is_better(size: tuple[int, float], least: tuple[int, float]) -> bool:
