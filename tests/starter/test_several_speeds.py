@@ -91,6 +91,15 @@ def test_a_setting_that_is_offered_holds_a_speed_that_was_lost(tmp_path: Path) -
     assert error(compensated, "slow") > math.sqrt(0.5)
 
 
+def test_a_setting_that_was_not_tried_is_not_called_vain(tmp_path: Path) -> None:
+    """The speed loop runs as often as the current loop already."""
+    numbers = {"holding_torque": 0.45, "rated_current": 1.7, "speed_rate": "20 kHz"}
+    _, study = drafted(tmp_path, "nema17", "stepper", "as5600", 20, **numbers)
+    assert error(study, "slow") > math.sqrt(0.5)
+    settings = holding_settings(study, ["slow"])
+    assert "the rate of the speed loop" not in settings.vain and "a slower current loop" in settings.vain
+
+
 def test_no_setting_is_tried_against_the_bus_voltage(tmp_path: Path) -> None:
     numbers = {"pole_pairs": 4, "kv": 17, "resistance": 1.5, "bits": 17}
     _, study = drafted(tmp_path, "own", "generic", "absolute", 600, **numbers)

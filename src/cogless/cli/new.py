@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 LINE_COLUMNS = 80
 SHOWN_EFFECTS = 3
-LAW = "harmonic"
 HARD_SPACE = "\xa0"
 Text = str | None
 
@@ -402,7 +401,7 @@ def _ranking_lines(
     """
     from cogless.design.answers import answer_of
 
-    designs = {scenario: answer_of(study, LAW, scenario) for scenario in ranking.at_speeds}
+    designs = {scenario: answer_of(study, "harmonic", scenario) for scenario in ranking.at_speeds}
     outcomes = [at.learned for at in ranking.at_speeds.values()]
     lines = ["", *_answer_lines(study, ranking, designs)]
     if unusual and any(answer.uneven or not answer.holds for answer in outcomes):
@@ -411,8 +410,8 @@ def _ranking_lines(
     # Effects on harmonic's ripple don't matter where learning is not worth it.
     effects = ranking.largest([name for name in designs if not _is_worthless(designs[name])])[:SHOWN_EFFECTS]
     if ranking.hopeless:
-        held = _speeds(study, ranking.hopeless) if len(designs) > 1 else "this speed"
-        lines += ["", *_wrapped(f"No guess, at either end of its range, makes harmonic hold {held}.")]
+        speeds = _speeds(study, ranking.hopeless) if len(designs) > 1 else "this speed"
+        lines += ["", *_wrapped(f"No guess, at either end of its range, makes harmonic hold {speeds}.")]
     if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         of_runs = f", as runs of {ranking.duration:.2g} s show" if ranking.duration else ""
@@ -464,16 +463,19 @@ def _result(answer: Outcome, uneven: bool = False) -> str:
 
 def _reasons(study: Study, ranking: Ranking, designs: Mapping[str, Answer | None]) -> list[str]:
     """Sentences on why a speed is not held or held unevenly, and on what the design doubts."""
-    uneven, texts = [], []
-    for scenario, at in ranking.at_speeds.items():
-        design = designs[scenario]
-        if not at.learned.holds or at.learned.uneven:
-            uneven += [scenario] if at.learned.holds or not _is_worthless(design) else []
+    learned = {scenario: at.learned for scenario, at in ranking.at_speeds.items()}
+    warned = [
+        scenario
+        for scenario, answer in learned.items()
+        if (answer.uneven if answer.holds else not _is_worthless(designs[scenario]))
+    ]
+    texts = []
+    for scenario, design in designs.items():
         if design is not None and _is_worthless(design):
             texts.append(f"Learning is {design.words}.")
-        elif at.learned.holds and design is not None and design.doubt:
+        elif design is not None and design.doubt and learned[scenario].holds:
             texts.append(f"Another run may leave more: {design.doubt}.")
-    return [*_why_not(study, uneven), *dict.fromkeys(texts)]
+    return [*_why_not(study, warned), *texts]
 
 
 def _is_worthless(design: Answer | None) -> bool:
@@ -486,19 +488,16 @@ def _settings_lines(study: Study, settings: Settings, path: Path) -> list[str]:
     from cogless.study.toml import toml
 
     lines = []
-    held = [name for name, answer in settings.outcomes.items() if answer.holds]
-    if held:
-        ripples = " and ".join(_rpm(settings.outcomes[name].ripple) for name in held)
-        text = f"With {change_words(settings.changes)} harmonic holds {_speeds(study, held)}"
-        lines += [
-            "",
-            *_wrapped(f"{text}: it leaves {ripples} of ripple (rms). If your drive can do this, try:"),
-        ]
+    outcomes = {name: answer for name, answer in settings.outcomes.items() if answer.holds}
+    if outcomes:
+        ripples = " and ".join(_rpm(answer.ripple) for answer in outcomes.values())
+        text = f"With {change_words(settings.changes)} harmonic holds {_speeds(study, [*outcomes])}"
+        lines += _wrapped(f"{text}: it leaves {ripples} of ripple (rms). If your drive can do this, try:")
         sets = [f"--set {shlex.quote(f'{key}={toml(value)}')}" for key, value in settings.changes.items()]
-        lines += [f"  {program()} run {_called(path)} {sets[0]}", *(f"    {more}" for more in sets[1:])]
+        lines.append(f"  {program()} run {_called(path)} " + " \\\n    ".join(sets))
     if settings.vain:
-        lines += [*([] if lines else [""]), *_wrapped(f"Tried in vain: {', '.join(settings.vain)}.")]
-    return lines
+        lines += _wrapped(f"Tried in vain: {', '.join(settings.vain)}.")
+    return ["", *lines] if lines else []
 
 
 def _jerks(answer: Outcome) -> str:
@@ -514,7 +513,7 @@ def _why_not(study: Study, scenarios: Sequence[str]) -> list[str]:
         return []
     tables = study.source.tables["scenario"]
     alone = changed(study, {"scenario": {name: tables[name] for name in scenarios}})
-    remarks = [*beyond_drive(alone, scenarios), *warnings(alone, scenarios[0], LAW)]
+    remarks = [*beyond_drive(alone, scenarios), *warnings(alone, scenarios[0], "harmonic")]
     return [f"{text}." for text in dict.fromkeys(str(remark) for remark in remarks)]
 
 

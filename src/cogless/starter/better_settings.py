@@ -76,33 +76,34 @@ def holding_settings(study: Study, lost: Sequence[str]) -> Settings:
 def _searched(
     study: Study, ways: Sequence[Way], scenarios: Sequence[str], until_held: bool = False
 ) -> tuple[dict[str, Any], list[str]]:
-    """Changes that help in scenarios, and the ways that do not, in words.
+    """Changes that help in scenarios, and the ways that were tried in vain, in words.
 
     The best way comes first, then another if it helps clearly, too. `until_held`: only until all speeds are
     held.
     """
     (answer,) = outcomes([study], LEARNING_LAW, scenarios)
-    least, changes, helpful = shortfall(study, answer), dict[str, Any](), set[str]()
-    left = [*ways]
-    while left and not (until_held and least[0] == 0):
+    least, changes, vain = shortfall(study, answer), dict[str, Any](), dict[str, bool]()
+    untried = [*ways]
+    while untried and not (until_held and least[0] == 0):
         tried = [
             (way, candidate.changes, variant)
-            for way in left
+            for way in untried
             for candidate in way.candidates(study)
             if (variant := _accepted(study, candidate.changes)) is not None
         ]
         answers = outcomes([variant for *_, variant in tried], LEARNING_LAW, scenarios)
         sizes = [shortfall(study, of_variant) for of_variant in answers]
         better = [place for place, size in enumerate(sizes) if _is_better(size, least)]
+        helpful = {tried[place][0].words for place in better}
+        vain |= {way.words: vain.get(way.words, True) and way.words not in helpful for way, *_ in tried}
         if not better:
             break
-        helpful |= {tried[place][0].words for place in better}
         best = min(better, key=lambda place: sizes[place])
         way, change, study = tried[best]
         least = sizes[best]
         changes |= change
-        left.remove(way)
-    return changes, [way.words for way in ways if way.words not in helpful]
+        untried.remove(way)
+    return changes, [words for words, is_vain in vain.items() if is_vain]
 
 
 def _is_better(size: tuple[int, float], least: tuple[int, float]) -> bool:

@@ -29,7 +29,7 @@ RUN_TICKS_MOST = 250_000  # periods of the current loop in a short run, at most
 LAST_SHARE = 1 / 3  # share of a short run in which the ripple is taken
 ALIKE_RATIO = 1.05  # ripples of a run and of its short run count as equal up to this ratio
 # What the outcome of a run and the metrics of a draft are computed from.
-SIGNALS = ("omega_ref", "omega_m", "theta_m", "status", "i_d", "i_q")
+OUTCOME_SIGNALS = ("omega_ref", "omega_m", "theta_m", "status", "i_d", "i_q")
 AT_ONCE = 8  # variants in a batch; progress is reported after each batch
 
 Report = Callable[[float], None]
@@ -51,7 +51,7 @@ class Outcome:
         return not self.why
 
 
-Outcomes = Mapping[str, Outcome]  # by scenario
+Outcomes = Mapping[str, Outcome]  # A scenario's name is the key.
 
 
 def shortfall(study: Study, answers: Outcomes) -> tuple[int, float]:
@@ -234,7 +234,7 @@ def outcomes(
         return []
     names = [*variants[0].scenario] if scenarios is None else scenarios
     try:
-        results = rollout(variants, [f"{name}/{controller}" for name in names], signals=SIGNALS)
+        results = rollout(variants, [f"{name}/{controller}" for name in names], signals=OUTCOME_SIGNALS)
     except RunError as error:
         results = error.all_results
     by_scenario = [{run.scenario: run for run in result.runs} for result in results]
