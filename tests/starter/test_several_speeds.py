@@ -1,6 +1,7 @@
 """A first study with several speeds: each of them counts in what `cogless new` chooses and ranks."""
 
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from drafts import request, written
 
 from cogless.design.answers import doubt
 from cogless.run.simulate import simulate
-from cogless.starter import Draft, Effect, Outcome, Ranking, holding_settings, parse_speeds
+from cogless.starter import Draft, Effect, Outcome, Ranking, draft, holding_settings, parse_speeds
 from cogless.starter.motor_rules import is_balanced
 from cogless.starter.ranking import shortfall
 from cogless.starter.sensor_choice import fit_observer
@@ -42,6 +43,21 @@ def test_the_speed_method_is_the_best_at_the_worst_speed(tmp_path: Path) -> None
     stops = math.sqrt(0.5)  # a sine of this rms stops the rotor
     assert error(study, "at_20_rpm") < stops < error(changed(study, by_rule), "at_20_rpm")
     assert error(study, "at_5_rpm") > stops
+
+
+def test_timed_edges_replace_an_observer_that_is_worse_at_the_worst_speed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rule takes timed edges here. With a slow observer in its place, the runs find them."""
+    slow = {"speed_method": "observer", "observer_bandwidth": "30 Hz"}
+    monkeypatch.setattr(sys.modules[draft.__module__], "fit_observer", lambda study: slow)
+    _, study = drafted(tmp_path, "own", "generic", "incremental", 60, 300, cpr=20_000)
+    sensor = study.source.tables["drive"]["position_sensor"]
+    assert sensor["speed_method"] == "MT" and sensor["timer"] == "100000 kHz"
+    observed = {key: value for key, value in sensor.items() if key != "timer"} | slow
+    other = changed(study, {"drive.position_sensor": observed})
+    worst, worst_observed = (max(error(of, name) for name in study.scenario) for of in (study, other))
+    assert worst < 0.8 * worst_observed
 
 
 def outcome(ripple: float, why: str = "") -> Outcome:
