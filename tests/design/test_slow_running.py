@@ -34,7 +34,8 @@ COUNT = 0.02  # rad
         (1.0, True, FIRM,
             "at 1 rad/s in scenario a a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the "
             "measured speed is 20 ms late, which takes 112 deg of the 57 deg of phase margin; when the rotor "
-            "stops and goes, the measured speed is too high: by 10 % if every other edge takes twice as long"),
+            "stops and goes, the measured speed is too high: by 10 % if every other edge takes twice "
+            "as long"),
         (1.0, False, UNSTABLE, None),
         (1.0, False, Margins(True, math.nan, math.nan, 3.0, 300.0), None),
         (0.0, False, FIRM, None),
