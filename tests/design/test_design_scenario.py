@@ -157,6 +157,13 @@ def test_too_few_edges_for_the_loop_are_told(rpm: int, method: str, told: bool) 
             "drive.position_sensor.lines = 22903 (another sensor) would be enough by calculation" in lines[0]
         )  # 4.7 times the counts, and a fifth more
         assert not known(study, "pi-ilc").fine
+        several = changed(
+            study, {"scenario.fast": {**slow, "reference": "60 rpm", "initial_speed": "60 rpm"}}
+        )
+        remark = warnings(several, "fast", "pi")[0]
+        assert str(remark).startswith(
+            "controller.pi: at 1 rpm in scenario slow a sensor edge comes every 3.7 ms"
+        )
 
 
 def test_twice_the_counts_that_help_do_help() -> None:

@@ -24,7 +24,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 def test_another_run_of_a_doubted_law_ends_otherwise_and_the_verdict_says_so(coarse: Study) -> None:
-    why = doubt(coarse, "harmonic")
+    why = doubt(coarse, "harmonic", "slow")
     assert why.startswith("at 60 rpm the position sensor's steps cause ")
     results = run_study(coarse)
     verdict = report.verdict(results, "slow")
@@ -39,6 +39,6 @@ def test_another_run_of_a_doubted_law_ends_otherwise_and_the_verdict_says_so(coa
 
 def test_a_law_that_is_sure_has_no_doubt(coarse: Study, tmp_path: Path) -> None:
     fine = changed(coarse, {"drive.position_sensor.bits": 20})
-    assert doubt(fine, "harmonic") == "" and doubt(fine, "pi") == ""
+    assert doubt(fine, "harmonic", "slow") == "" and doubt(fine, "pi", "slow") == ""
     verdict = report.verdict(run_study(fine), "slow")
     assert verdict is not None and verdict.doubts == []

@@ -24,7 +24,7 @@ from cogless.run.simulate import run_study
 from cogless.starter import Draft, Request, draft, parse_number, parse_speeds
 from cogless.starter.motor_rules import Known, cogging_orders, layouts_for, sized
 from cogless.starter.part_catalogue import parts
-from cogless.starter.ranking import outcome, shortened, with_first_scenario
+from cogless.starter.ranking import outcome, shortened
 from cogless.starter.request import NUMBERS, RequestError, names
 from cogless.starter.sensor_choice import fit_observer
 from cogless.study import Study, changed
@@ -625,7 +625,6 @@ def test_each_speed_is_a_scenario(tmp_path: Path) -> None:
         "at_7_5_rpm": pytest.approx(7.5),
         "at_40_rpm": pytest.approx(40),
     }
-    assert [*with_first_scenario(study).scenario] == ["at_5_rpm"]
     with pytest.raises(RequestError, match=re.escape('"5,40": expected "5.40", or "5, 40"')):
         parse_speeds(["5,40"])
 

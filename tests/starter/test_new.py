@@ -9,14 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from commands import cogless
 from drafts import request
 
-from cogless.cli.new import _answer, _ranking_lines
+from cogless import units
+from cogless.cli.new import _answer_lines, _ranking_lines
 from cogless.cli.terminal import program
 from cogless.design.answers import Answer, answer_of
-from cogless.starter import Effect, Outcome, Ranking, draft, parse_speeds
+from cogless.starter import AtSpeed, Effect, Outcome, Ranking, Settings, draft, parse_speeds
 from cogless.study import load
 
 SHORT = ("--motor", "gm5208", "--drive", "generic", "--encoder", "as5048")
@@ -40,7 +42,8 @@ def test_it_writes_a_study_and_says_what_matters_and_what_is_next(capsys: pytest
     lines = out.splitlines()
     assert max(map(len, lines)) <= 80
     assert lines[0] == "Wrote my_motor.toml."
-    assert lines[2].startswith("At 20 r/min the PI leaves ") and lines[3].endswith(" r/min.")
+    begin = lines.index("") + 1
+    assert lines[begin].startswith("At 20 r/min the PI leaves ") and lines[begin + 1].endswith(" r/min.")
     assert "Three guesses matter most. Measure or look up first:" in lines
     assert [line[:4] for line in lines if line.startswith("  ") and line[2:3].isdigit()] == [
         "  1.",
@@ -134,7 +137,8 @@ def outcome(ripple: float, why: str = "", uneven: bool = False) -> Outcome:
 
 def answer(learned: Outcome, baseline: Outcome, design: Answer | None = None) -> str:
     study = load(Path(__file__).parents[2] / "examples" / "my_motor.toml")
-    return _answer(study, Ranking(learned=learned, baseline=baseline, effects=()), design)
+    at_speeds = {"slow": AtSpeed(learned=learned, baseline=baseline)}
+    return " ".join(_answer_lines(study, Ranking(at_speeds=at_speeds, effects=()), {"slow": design}))
 
 
 def test_on_either_side_of_the_limit_of_a_held_speed_the_same_is_said() -> None:
@@ -171,15 +175,48 @@ def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(
     made = draft(replace(servo, faster=parse_speeds(["3000"])), "Mine", path)
     path.write_text(made.text, encoding="utf-8")
     study = load(path)
-    design = answer_of(study, "harmonic")
-    assert design is not None and design.verdict == "not worth it"
-    effect = Effect(guess=made.guesses[0], nominal=outcome(0.3), outcomes={"more": outcome(0.6)})
-    ranking = Ranking(learned=outcome(0.3), baseline=outcome(2), effects=(effect,))
-    lines = " ".join(_ranking_lines(study, ranking, path, ()))
-    assert "harmonic 0.3 r/min. At a faster speed it is not worth it: at 3000 rpm learning leaves " in lines
+    verdicts = [answer_of(study, "harmonic", scenario) for scenario in study.scenario]
+    assert [found and found.verdict for found in verdicts] == ["yes", "not worth it"]
+    small, large = (Effect(guess=made.guesses[0], scenario=scenario, nominal=outcome(0.3),
+                           outcomes={"more": outcome(ripple)})
+                    for scenario, ripple in (("at_30_rpm", 0.6), ("at_3000_rpm", 9)))  # fmt: skip
+    at_speeds = {
+        "at_30_rpm": AtSpeed(learned=outcome(0.3), baseline=outcome(2)),
+        "at_3000_rpm": AtSpeed(learned=outcome(9), baseline=outcome(5, "the speed isn't finite")),
+    }
+    ranking = Ranking(at_speeds=at_speeds, effects=(large, small))
+    lines = _ranking_lines(study, ranking, Settings(), path, ())
+    assert lines[1:4] == [
+        "Ripple (rms) with a PI, and with the learning law harmonic:",
+        "  at 30 r/min: PI 2 r/min, harmonic 0.3 r/min",
+        "  at 3000 r/min: PI does not hold the speed (the speed isn't finite), harmonic 9",
+    ]
+    text = " ".join(" ".join(lines).split())
+    assert "Learning is not worth it: at 3000 rpm learning leaves " in text and "it: at 30 rpm" not in text
     assert "One guess matters most. Measure or look up first:" in lines
-    without_guesses = " ".join(_ranking_lines(study, replace(ranking, effects=()), path, ()))
+    assert "at 30 r/min harmonic leaves 0.3 to 0.6 r/min" in text
+    without_guesses = " ".join(_ranking_lines(study, replace(ranking, effects=()), Settings(), path, ()))
     assert "guess" not in without_guesses.lower()
+
+
+def test_a_setting_that_holds_a_speed_is_printed_with_its_command_and_what_did_not_help() -> None:
+    study = load(Path(__file__).parents[2] / "examples" / "my_motor.toml")
+    lost = AtSpeed(learned=outcome(40, "the rotor turns in jerks"), baseline=outcome(50, "it stops"))
+    ranking = Ranking(at_speeds={"slow": lost}, effects=())
+    rate = {"drive.rates.speed_loop": "20 kHz"}
+    settings = Settings(changes=rate, outcomes={"slow": outcome(2.4)}, vain=["an observer", "a slower loop"])
+    lines = _ranking_lines(study, ranking, settings, Path("mine.toml"), ())
+    begin = lines.index("", 1)
+    assert lines[begin + 1 : begin + 5] == [
+        'With drive.rates.speed_loop = "20 kHz" harmonic holds 30 r/min: it leaves 2.4',
+        "r/min of ripple (rms). If your drive can do this, try:",
+        "  cogless run mine --set 'drive.rates.speed_loop=\"20 kHz\"'",
+        "Tried in vain: an observer, a slower loop.",
+    ]
+    nothing = Settings(vain=["an observer", "a slower loop"])
+    assert "Tried in vain: an observer, a slower loop." in _ranking_lines(
+        study, ranking, nothing, Path("mine.toml"), ()
+    )
 
 
 MOTORS = "gimbal, drone, direct-drive, hub, servo, spindle, own, nema17, nema23"
@@ -269,40 +306,46 @@ def scripted(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
 def test_questions_at_a_terminal(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripted(monkeypatch, "own", "11", "nothing", "58", "5.6 ohm", "", "odriv", "odrive", "absolute", "30")
+    scripted(
+        monkeypatch, "own", "11", "nothing", "58", "5.6 ohm", "", "", "odriv", "odrive", "absolute", "30"
+    )
     code, out, err = cogless(capsys, "new", "asked")
     assert (code, err) == (0, "")
     assert "Which motor is most like yours? [own]: " in out
     assert '"nothing": expected a number in rpm/V, or with its unit, such as "1 rpm/V"' in out
     assert f'"odriv": expected one of {DRIVES}, perhaps "odrive"' in " ".join(out.split())
     assert max(map(len, out.replace("]: ", "]: \n").splitlines())) <= 80
-    assert (
-        "Not asked, so guessed: --inertia, --inductance, --slots, --rated-current, --friction, "
-        in " ".join(out.split())
-    )
     tables: dict[str, Any] = load("asked").source.tables
+    inductance = tables["motor"]["inductance_line_to_line"]
+    assert f"Inductance between two terminals, in mH [guess: {inductance}]: " in out
+    assert f"--slots 24, --inductance {inductance}, " in " ".join(out.split())
     assert tables["motor"]["pole_pairs"] == 11 and tables["motor"]["kv"] == "58 rpm/V"
     assert tables["motor"]["resistance_line_to_line"] == "5.6 ohm"
     assert tables["drive"]["rates"]["current_loop"] == "8 kHz"
     assert tables["scenario"]["slow"]["reference"] == "30 rpm"
 
 
-def test_a_motor_of_ones_own_may_have_a_torque_constant(
+def test_a_motor_of_ones_own_may_have_a_torque_constant_and_an_inductance(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripted(monkeypatch, "own", "8", "33.5 mN*m/A", "0.573", "", "generic", "as5047", "30")
+    scripted(monkeypatch, "own", "8", "33.5 mN*m/A", "0.573", "", "0.6", "generic", "as5047", "30")
     assert cogless(capsys, "new", "asked")[0] == 0
     motor = load("asked").source.tables["motor"]
     assert motor["K_t"] == "33.5 mN*m/A" and "kv" not in motor
+    assert motor["inductance_line_to_line"] == "0.6 mH"
 
 
-def test_of_a_step_motor_the_detent_torque_is_not_asked(
+def test_of_a_step_motor_the_inductance_is_asked_and_the_detent_torque_is_not(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripted(monkeypatch, "nema17", "0.4 N*m", "1.7", "1.5", "stepper", "as5047", "20")
+    scripted(monkeypatch, "nema17", "0.4 N*m", "1.7", "1.5", "2.8", "stepper", "as5047", "20")
     _, out, _ = cogless(capsys, "new", "asked")
-    guessed = " ".join(out.split()).partition("Not asked, so guessed: ")[2]
-    assert guessed.startswith("--inertia, --inductance, --detent-torque, --friction, ")
+    assert load("asked").source.tables["motor"]["L_0"] == "2.8 mH"
+    guessed = " ".join(out.split()).partition("Not given, so guessed: ")[2].partition(".\u0020In")[0]
+    flags = re.findall(r"--([a-z-]+) ", guessed)
+    assert flags == [
+        "step-angle", "inertia", "detent-torque", "friction", "bus-voltage", "current-rate", "speed-rate"
+    ]  # fmt: skip
 
 
 def test_an_inertia_of_rotor_and_load_takes_no_load_beside_it(capsys: pytest.CaptureFixture[str]) -> None:
@@ -315,16 +358,87 @@ def test_an_inertia_of_rotor_and_load_takes_no_load_beside_it(capsys: pytest.Cap
     )
 
 
-def test_each_question_has_a_default(
+def test_each_question_has_a_default_which_is_a_guess_like_all_others(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scripted(monkeypatch, *[""] * 10)
-    assert cogless(capsys, "new", "plain")[0] == 0
-    asked = load("plain").source.tables
-    flags = ("--motor", "own", "--pole-pairs", 7, "--kv", 80, "--resistance", 0.5, "--drive", "generic")
-    monkeypatch.setattr(sys.modules["cogless.cli.new"], "asks", lambda: False)
-    assert cogless(capsys, "new", "flags", *flags, "--encoder", "as5047")[0] == 0
-    assert asked == load("flags").source.tables | {"title": "Plain"}
+    code, out, _ = cogless(capsys, "new", "plain")
+    assert code == 0
+    motor = load("plain").source.tables["motor"]
+    listed = dict(re.findall(r"--([a-z-]+) ([^,]+?)(?=, |\. In)", " ".join(out.split())))
+    assert listed["pole-pairs"] == str(motor["pole_pairs"]) == "7"
+    assert listed["kv"] == motor["kv"] == "80 rpm/V"
+    assert listed["resistance"] == motor["resistance_line_to_line"] == "0.46 ohm"
+    assert listed["inductance"] == motor["inductance_line_to_line"] == "0.46 mH"
+    for question in ("magnets) [guess: 7]", "N*m/A [guess: 80 rpm/V]", "ohm [guess: 0.46 ohm]"):
+        assert question in out
+    lines = Path("plain.toml").read_text(encoding="utf-8").splitlines()
+    for key in ("pole_pairs", "kv", "resistance_line_to_line"):
+        place = next(n for n, line in enumerate(lines) if line.startswith(f"{key} = "))
+        comment = next(line for line in reversed(lines[:place]) if not line.startswith("#   "))
+        assert comment.startswith("# guess: "), key
+
+
+def test_the_guesses_given_by_their_flags_make_the_same_study(
+    unranked: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All but the cogging, whose sum is divided in another way than the class's parts."""
+    own = ("--pole-pairs", 7, "--kv", 80, "--resistance", 0.5, "--drive", "generic", "--encoder", "as5047")
+    _, out, _ = cogless(capsys, "new", "first", *own)
+    first = load("first").source.tables
+    text = " ".join(out.split())
+    guessed = text.partition("Not given, so guessed: ")[2].partition(". In the file alone: ")
+    listed = dict(re.findall(r"--([a-z-]+) ([^,]+)", guessed[0]))
+    cogging = listed.pop("cogging")
+    assert {"inertia", "friction", "slots", "inductance", "bus-voltage", "current-limit"} < listed.keys()
+    flags = [word for flag, value in listed.items() for word in (f"--{flag}", value)]
+    assert cogless(capsys, "new", "second", *own, *flags)[0] == 0
+    assert load("second").source.tables == first | {"title": "Second"}
+    waves = first["motor"]["cogging"]
+    sizes = [units.parse(wave["torque"], units.TORQUE) for wave in waves]
+    phases = [units.parse(wave.get("phase", "0 deg"), units.ANGLE) for wave in waves]
+    angles = np.linspace(0, math.tau, 50_001)
+    total = sum(
+        size * np.sin(wave["order"] * angles + phase)
+        for wave, size, phase in zip(waves, sizes, phases, strict=True)
+    )
+    assert units.parse(cogging, units.TORQUE) == pytest.approx(float(np.ptp(total)) / 2, rel=0.01)
+    keys = dict(re.findall(r"([a-z_.0-9]+) ([^,]+?)(?:, |\.$|\. |\.\Z)", guessed[2] + " "))
+    assert keys["drive.inverter.dead_time"] == first["drive"]["inverter"]["dead_time"]
+    errors = first["drive"]["position_sensor"]["error"]
+    assert keys["drive.position_sensor.error.1.amplitude"] == errors[1]["amplitude"]
+
+
+@pytest.mark.parametrize(
+    ("flag", "number", "says"),
+    [
+        # The peak between two terminals is sqrt(3) psi p w, the torque per peak ampere 1.5 p psi.
+        ("kv", "60", "--kv 60 rpm/V: torque constant 0.138 N*m/A (per ampere of a phase, peak)."),
+        ("torque-constant", "0.138", "--torque-constant 0.138 N*m/A: Kv 59.9 r/min per V."),
+        ("back-emf", "33 mV/rpm", "--back-emf 33 mV/rpm: torque constant 0.386 N*m/A (per ampere of a phase, "
+                                  "peak), Kv 21.4 r/min per V."),
+    ],
+)  # fmt: skip
+def test_the_other_constants_of_the_magnet_are_printed(
+    unranked: None, capsys: pytest.CaptureFixture[str], flag: str, number: str, says: str
+) -> None:
+    motor = ("--pole-pairs", 7, "--resistance", 0.5, "--drive", "generic", "--encoder", "as5047")
+    _, out, _ = cogless(capsys, "new", "mine", *motor, f"--{flag}", number)
+    assert says in " ".join(out.split())
+
+
+def test_the_current_limit_of_a_step_motor_is_explained(
+    unranked: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    step = ("--holding-torque", 0.45, "--drive", "stepper", "--encoder", "as5047", "--speed", 60)
+    _, out, _ = cogless(capsys, "new", "step", *step, "--rated-current", 1.7)
+    why = (
+        "sqrt(2) times the rated 1.7 A of a coil; while the motor turns, each coil has a sine with this "
+        "peak, whose rms value is 1.7 A"
+    )
+    assert f"Current limit: 2.4 A = {why}." in " ".join(out.split())
+    text = " ".join(Path("step.toml").read_text(encoding="utf-8").replace("#", "").split())
+    assert f'the motor\'s continuous current: {why} current_limit = "2.4 A"' in text
 
 
 def test_numbers_alone_tell_the_kind_of_motor_and_sensor(
@@ -359,7 +473,11 @@ def test_live_makes_the_page(
 def test_questions_of_a_class(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Pole pairs, torque constant, resistance and cogging; each default is the class's typical value."""
+    """Pole pairs, torque constant, resistance and cogging.
+
+    Each default is the class's typical value for the answers so far: 0.36 ohm for 16 rpm/V, which are
+    0.517 N*m/A, become (0.95 / 0.517)^2 times as much.
+    """
     answers = ("hub", "20", "0.95 N*m/A", "0.28 ohm/phase", "0.3", "vesc", "as5048", "20, 40")
     scripted(monkeypatch, *answers)
     code, out, err = cogless(capsys, "new", "asked")
@@ -367,10 +485,11 @@ def test_questions_of_a_class(
     for question in (
         "Pole pairs (half the number of magnets) [guess: 15]: ",
         "Kv in r/min per V, or torque constant such as 0.1 N*m/A [guess: 16 rpm/V]: ",
-        "Resistance between two terminals, in ohm [guess: 0.36 ohm]: ",
-        "Cogging torque, half of peak to peak, in N*m [guess: 50 mN*m]: ",
+        "Resistance between two terminals, in ohm [guess: 1.22 ohm]: ",
+        "Cogging torque, half of peak to peak, in N*m [guess: ",
     ):
         assert question in out
+    assert "Inductance between two terminals, in mH [guess" not in out
     motor = load("asked").source.tables["motor"]
     assert (motor["pole_pairs"], motor["K_t"], motor["resistance_line_to_line"]) == (
         20, "0.95 N*m/A", "0.56 ohm"

@@ -58,7 +58,7 @@ def effect(*ripples: float, nominal: float = 1.0) -> Effect:
 
     guess = Guess(key="key", name="name", span="", variants={})
     outcomes = {str(n): answer(value) for n, value in enumerate(ripples)}
-    return Effect(guess=guess, nominal=answer(nominal), outcomes=outcomes)
+    return Effect(guess=guess, scenario="slow", nominal=answer(nominal), outcomes=outcomes)
 
 
 def test_what_decides_comes_before_what_changes_the_ripple() -> None:
@@ -87,6 +87,6 @@ def test_guesses_are_tried_for_as_long_as_learning_takes(tmp_path: Path) -> None
     assert math.isinf(ripple(short)) and math.isfinite(ripple(study))
     few = [guess for guess in made.guesses if guess.key in ("drive.inverter.dead_time", "motor.R_s")]
     ranking = rank(study, few)
-    assert ranking.learned.holds and ranking.duration == 0
+    assert ranking.at_speeds["slow"].learned.holds and ranking.duration == 0
     assert ranking.effects[0].guess.key == "drive.inverter.dead_time" and ranking.effects[0].decides
     assert math.isinf(ripple(load(tmp_path / "mine.toml", {"drive.inverter.dead_time": "1000 ns"})))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
@@ -20,12 +20,13 @@ from cogless.lines import warn
 
 if TYPE_CHECKING:
     from cogless.design.answers import Answer
-    from cogless.starter import Draft, Effect, Outcome, Ranking, Request
+    from cogless.starter import AtSpeed, Draft, Effect, Outcome, Ranking, Request, Settings
     from cogless.starter.part_catalogue import Kind
     from cogless.study import Study
 
 LINE_COLUMNS = 80
 SHOWN_EFFECTS = 3
+HARD_SPACE = "\xa0"
 Text = str | None
 
 QUESTIONS: dict[str, tuple[Kind, str, str]] = {
@@ -175,6 +176,8 @@ def new(
     print(f"Wrote {path}.")
     for line in drafted.remarks:
         print("\n".join(_wrapped(line, "", "  ")))
+    for line in _guess_lines(drafted.guessed):
+        print(line)
     _show_ranking(study, drafted, path)
     if page:
         from cogless.cli.studies import live
@@ -240,15 +243,14 @@ def _request(
     if not asks():
         _check_complete(chosen_parts, numbers)
     motor = _part("motor", chosen_parts["motor"])
-    _ask_motor(motor, numbers)
+    if asks():
+        _ask_motor(motor, numbers)
     drive, encoder = _part("drive", chosen_parts["drive"]), _part("encoder", chosen_parts["encoder"])
     if asks() and not speeds:
         text = "Speed that matters to you, in r/min (several: 5, 40)"
         speeds = _ask_unless("speed", text, "slow", lambda answer: parse_speeds([answer])) or ()
     if speeds:
         numbers["speed"] = speeds[0]
-    if asks():
-        _say_not_asked(motor, numbers)
     return Request(motor=motor, drive=drive, encoder=encoder, numbers=numbers, faster=speeds[1:])
 
 
@@ -272,7 +274,7 @@ def _check_complete(chosen_parts: Mapping[str, str | None], numbers: Mapping[str
     """Raise StudyError if options are missing that no guess can replace, with an example of each."""
     own = _needed_numbers(numbers) if chosen_parts["motor"] == "own" else {}
     examples = {flag: EXAMPLES[flag] for flag, name in chosen_parts.items() if name is None}
-    examples |= {flag: default for flag, (_, default) in own.items()}
+    examples |= own
     if examples:
         words = " ".join(f"--{flag} {example}" for flag, example in examples.items())
         missing = ", ".join(f"--{flag}" for flag in examples)
@@ -298,65 +300,48 @@ def _encoder_by(numbers: Mapping[str, Any]) -> str | None:
     return "incremental" if "cpr" in numbers else None
 
 
-def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
-    """Ask for missing numbers of the motor: the necessary ones of "own", the most open ones of a class."""
-    from cogless.starter.request import parse_number
-
-    if motor == "own":
-        for flag, (text, default) in _needed_numbers(numbers).items():
-            if flag == "kv":
-                numbers.update([_ask(flag, _Question(text, default, _constant))])
-            else:
-                numbers[flag] = _ask(flag, _Question(text, default, partial(parse_number, flag)))
-        if asks():
-            _ask_number("cogging", COGGING_QUESTION, "guess", numbers)
-    elif asks():
-        _ask_of_class(motor, numbers)
-
-
-def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """{flag: (question, default)} of the missing numbers that a motor of class "own" can't do without."""
-    needed = {
-        "pole-pairs": ("Pole pairs (half the number of magnets)", "7"),
-        "kv": (CONSTANT_QUESTION, "80"),
-        "resistance": ("Resistance between two terminals, in ohm", "0.5"),
-    }
+def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, str]:
+    """{flag: example} of the missing numbers that a command must give of a motor of class "own"."""
+    needed = {"pole-pairs": "7", "kv": "80", "resistance": "0.5"}
     if CONSTANTS & numbers.keys() or {"rated-torque", "rated-current"} <= numbers.keys():
         del needed["kv"]
-    return {flag: question for flag, question in needed.items() if flag not in numbers}
+    return {flag: example for flag, example in needed.items() if flag not in numbers}
 
 
-CONSTANT_QUESTION = "Kv in r/min per V, or torque constant such as 0.1 N*m/A"
-COGGING_QUESTION = "Cogging torque, half of peak to peak, in N*m"
+STAR_QUESTIONS = {
+    "pole-pairs": "Pole pairs (half the number of magnets)",
+    "kv": "Kv in r/min per V, or torque constant such as 0.1 N*m/A",
+    "resistance": "Resistance between two terminals, in ohm",
+    "cogging": "Cogging torque, half of peak to peak, in N*m",
+}
+# Asked of "own", whose class says least. In other classes with three phases both ends of the guess change the
+# ripple that harmonic leaves by at most a sixth.
+OWN_QUESTIONS = {"inductance": "Inductance between two terminals, in mH"}
+STEP_QUESTIONS = {
+    "holding-torque": "Holding torque, in N*m",
+    "rated-current": "Rated current of a coil, in A",
+    "resistance": "Resistance of a coil, in ohm",
+    "inductance": "Inductance of a coil, in mH",  # both ends of the guess may double the ripple
+}
 
 
-def _ask_of_class(motor: str, numbers: dict[str, Any]) -> None:
-    """Ask for the numbers that a class of motors leaves most open; the defaults are typical of the class."""
-    from cogless.starter.amounts import amount
+def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
+    """Ask for the numbers that a class of motors leaves most open. The default of each is its guess."""
+    from cogless.starter import motor_guesses
     from cogless.starter.part_catalogue import parts
-    from cogless.starter.request import NUMBERS
+    from cogless.starter.request import parse_number
 
     part = parts("motors").get(motor)
     if part is None:  # a shipped motor has a datasheet
         return
-
-    def ask(flag: str, text: str, typical: float) -> None:
-        _ask_number(flag, text, f"guess: {amount(typical, NUMBERS[flag].dimension)}", numbers)
-
-    torque = part["rated_torque"].typical
-    if not part.layouts:
-        ask("holding-torque", "Holding torque, in N*m", torque)
-        ask("rated-current", "Rated current of a coil, in A", part["rated_current"].typical)
-        ask("resistance", "Resistance of a coil, in ohm", part["resistance"].typical)
-        return
-    pole_pairs = part.layouts[0][1] // 2
-    _ask_number("pole-pairs", "Pole pairs (half the number of magnets)", f"guess: {pole_pairs}", numbers)
-    if not CONSTANTS & numbers.keys():
-        default = f"guess: {amount(part['kv'].typical, NUMBERS['kv'].dimension)}"
-        pair = _ask_unless("kv", CONSTANT_QUESTION, default, _constant)
+    questions = STAR_QUESTIONS if part.layouts else STEP_QUESTIONS
+    for flag, text in (questions | (OWN_QUESTIONS if motor == "own" else {})).items():
+        guess = motor_guesses(motor, numbers).get(flag)
+        if guess is None or flag in numbers:
+            continue
+        take = _constant if flag == "kv" else lambda answer, flag=flag: (flag, parse_number(flag, answer))
+        pair = _ask_unless(flag, text, f"guess: {guess}", take)
         numbers.update([] if pair is None else [pair])
-    ask("resistance", "Resistance between two terminals, in ohm", 2 * part["resistance"].typical)
-    ask("cogging", COGGING_QUESTION, part["cogging"].typical * torque)
 
 
 def _constant(text: str) -> tuple[str, Any]:
@@ -368,25 +353,6 @@ def _constant(text: str) -> tuple[str, Any]:
             if text.strip()[-1:].isalpha():
                 return flag, parse_number(flag, text)
     return "kv", parse_number("kv", text)
-
-
-def _say_not_asked(motor: str, numbers: Mapping[str, Any]) -> None:
-    """Say which numbers were not asked for, by their flags."""
-    of_motor = ("detent-torque",) if "nema" in motor else ("slots", "rated-current")
-    flags = ("inertia", "inductance", *of_motor, "friction", "bus-voltage", "current-limit")
-    flags = tuple(flag for flag in flags if flag not in numbers)
-    print("\n".join(_wrapped(f"Not asked, so guessed: {', '.join(f'--{flag}' for flag in flags)}.")))
-
-
-def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
-    """Ask for a number that may stay unknown: the default answer adds nothing to `numbers`."""
-    from cogless.starter.request import parse_number
-
-    if flag in numbers:
-        return
-    answer = _ask_unless(flag, text, default, lambda answer: parse_number(flag, answer))
-    if answer is not None:
-        numbers[flag] = answer
 
 
 def _ask_unless(flag: str, text: str, default: str, take: Callable[[str], Any]) -> Any:
@@ -412,43 +378,62 @@ def _write(request: Request, path: Path) -> tuple[Study, Draft]:
     return cast(Study, load(path)), drafted
 
 
+def _guess_lines(guessed: Mapping[str, str]) -> list[str]:
+    """The guessed values: by their flags, then those that only the file sets, by their keys."""
+    lines = []
+    for head, has_flag in (("Not given, so guessed:", True), ("In the file alone:", False)):
+        entries = [f"{label} {text}" for label, text in guessed.items() if label.startswith("--") is has_flag]
+        # Hard spaces keep a label and its value in one line.
+        text = ", ".join(entry.replace(" ", HARD_SPACE) for entry in entries)
+        if entries:
+            lines += [line.replace(HARD_SPACE, " ") for line in _wrapped(f"{head} {text}.", "", "  ")]
+    return lines
+
+
 def _title(path: Path) -> str:
     words = path.stem.replace("_", " ").replace("-", " ").strip() or path.stem
     return words[0].upper() + words[1:]
 
 
 def _show_ranking(study: Study, drafted: Draft, path: Path) -> None:
-    from cogless.starter import rank
+    from cogless.starter import Settings, holding_settings, rank
 
     with share_progress("Trying the guesses") as report:
         ranking = rank(study, drafted.guesses, report)
-    for line in _ranking_lines(study, ranking, path, drafted.unusual):
+    settings = holding_settings(study, ranking.lost) if ranking.lost else Settings()
+    for line in _ranking_lines(study, ranking, settings, path, drafted.unusual):
         print(line)
 
 
-def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence[str]) -> list[str]:
+def _ranking_lines(
+    study: Study, ranking: Ranking, settings: Settings, path: Path, unusual: Sequence[str]
+) -> list[str]:
     """The command's report on a ranking, in lines of at most LINE_COLUMNS columns.
 
-    `unusual`: numbers that such a motor seldom has, shown if the speed is not held or the motion is uneven.
+    `settings`: what was tried at speeds that are not held. `unusual`: numbers that such a motor seldom has,
+    shown if a speed is not held or the motion is uneven.
     """
     from cogless.design.answers import answer_of
 
-    design = answer_of(study, "harmonic")
-    lines = ["", *_wrapped(_answer(study, ranking, design))]
-    if unusual and (ranking.learned.uneven or not ranking.learned.holds):
+    designs = {scenario: answer_of(study, "harmonic", scenario) for scenario in ranking.at_speeds}
+    outcomes = [at.learned for at in ranking.at_speeds.values()]
+    lines = ["", *_answer_lines(study, ranking, designs)]
+    if unusual and any(answer.uneven or not answer.holds for answer in outcomes):
         lines += _wrapped(f"Check first what is unusual for such a motor: {', '.join(unusual)}.")
-    effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
-    if design is not None and design.verdict == "not worth it" and not _pays_off(design):
-        effects = []  # effects on harmonic's ripple don't matter here
-    if ranking.effects and not any(answer.holds for effect in ranking.effects for answer in effect.answers):
-        lines += ["", *_wrapped("No guess, at either end of its range, makes harmonic hold this speed.")]
-    elif effects:
+    lines += _settings_lines(study, settings, path)
+    # Effects on harmonic's ripple don't matter where learning is not worth it.
+    effects = ranking.largest([name for name in designs if not _is_worthless(designs[name])])[:SHOWN_EFFECTS]
+    if ranking.hopeless:
+        speeds = _speeds(study, ranking.hopeless) if len(designs) > 1 else "this speed"
+        lines += ["", *_wrapped(f"No guess, at either end of its range, makes harmonic hold {speeds}.")]
+    if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         of_runs = f", as runs of {ranking.duration:.2g} s show" if ranking.duration else ""
         lines += ["", f"{count} most{of_runs}. Measure or look up first:"]
     for place, effect in enumerate(effects, 1):
         head = f"{place}. {effect.guess.name}, {effect.guess.span} ({effect.guess.key}):"
-        lines += _wrapped(f"{head} {_effect_text(effect)}", "  ", "     ")
+        where = f"at {_speeds(study, [effect.scenario])} " if len(designs) > 1 else ""
+        lines += _wrapped(f"{head} {where}{_effect_text(effect)}", "  ", "     ")
     return [
         *lines,
         "",
@@ -457,43 +442,98 @@ def _ranking_lines(study: Study, ranking: Ranking, path: Path, unusual: Sequence
     ]
 
 
-def _answer(study: Study, ranking: Ranking, design: Answer | None) -> str:
-    speed = _rpm(next(iter(study.scenario.values())).top_reference)
-    worthless = design is not None and design.verdict == "not worth it"
-    if not ranking.learned.holds:
-        text = f"With these numbers the learning law harmonic does not hold {speed}: {ranking.learned.why}."
-        if ranking.baseline.holds:
-            text += f" The PI holds it, with {_rpm(ranking.baseline.ripple)} of ripple (rms)."
-        reason = f"Learning is {design.words}." if design is not None and worthless else _why_not(study)
-        return f"{text} {reason}".strip()
-    before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms){_jerks(ranking.baseline)}"
-    if not (ranking.baseline.holds or ranking.baseline.uneven):
-        before = f"the PI does not hold the speed ({ranking.baseline.why})"
-    text = f"At {speed} {before}, the learning law harmonic {_rpm(ranking.learned.ripple)}"
-    text += f"{_jerks(ranking.learned)}."
-    if ranking.learned.uneven:
-        text = f"{text} {_why_not(study)}".strip()
-    if design is not None and worthless:
-        return f"{text} {'At a faster speed it' if _pays_off(design) else 'Learning'} is {design.words}."
-    return f"{text} Another run may leave more: {design.doubt}." if design and design.doubt else text
+def _answer_lines(study: Study, ranking: Ranking, designs: Mapping[str, Answer | None]) -> list[str]:
+    """What the runs show at each speed, and why: a paragraph for one speed, a line each for several."""
+    reasons = _reasons(study, ranking, designs)
+    if len(ranking.at_speeds) == 1:
+        ((scenario, at),) = ranking.at_speeds.items()
+        return _wrapped(" ".join([_sentence(_speeds(study, [scenario]), at), *reasons]))
+    lines = _wrapped("Ripple (rms) with a PI, and with the learning law harmonic:")
+    for scenario, at in ranking.at_speeds.items():
+        pi, learned = _result(at.baseline, at.baseline.uneven), _result(at.learned)
+        text = f"at {_speeds(study, [scenario])}: PI {pi}, harmonic {learned}"
+        lines += _wrapped(text, "  ", "    ")
+    return [*lines, *(line for reason in reasons for line in _wrapped(reason))]
+
+
+def _sentence(speed: str, at: AtSpeed) -> str:
+    if not at.learned.holds:
+        text = f"With these numbers the learning law harmonic does not hold {speed}: {at.learned.why}."
+        if at.baseline.holds:
+            text += f" The PI holds it, with {_rpm(at.baseline.ripple)} of ripple (rms)."
+        return text
+    before = f"the PI leaves {_rpm(at.baseline.ripple)} of ripple (rms){_jerks(at.baseline)}"
+    if not (at.baseline.holds or at.baseline.uneven):
+        before = f"the PI does not hold the speed ({at.baseline.why})"
+    return f"At {speed} {before}, the learning law harmonic {_result(at.learned)}."
+
+
+def _result(answer: Outcome, uneven: bool = False) -> str:
+    """The ripple of a run, or why it does not hold the speed. `uneven`: jerks are said with their ripple."""
+    if answer.holds or uneven:
+        return f"{_rpm(answer.ripple)}{_jerks(answer)}"
+    return f"does not hold the speed ({answer.why})"
+
+
+def _reasons(study: Study, ranking: Ranking, designs: Mapping[str, Answer | None]) -> list[str]:
+    """Sentences on why a speed is not held or held unevenly, and on what the design doubts."""
+    learned = {scenario: at.learned for scenario, at in ranking.at_speeds.items()}
+    warned = [
+        scenario
+        for scenario, answer in learned.items()
+        if (answer.uneven if answer.holds else not _is_worthless(designs[scenario]))
+    ]
+    texts = []
+    for scenario, design in designs.items():
+        if design is not None and _is_worthless(design):
+            texts.append(f"Learning is {design.words}.")
+        elif design is not None and design.doubt and learned[scenario].holds:
+            texts.append(f"Another run may leave more: {design.doubt}.")
+    return [*_why_not(study, warned), *texts]
+
+
+def _is_worthless(design: Answer | None) -> bool:
+    return design is not None and design.verdict == "not worth it"
+
+
+def _settings_lines(study: Study, settings: Settings, path: Path) -> list[str]:
+    """Which settings of the drive hold a speed that is not held, as runs show, and which do not help."""
+    from cogless.design.changes import change_words
+    from cogless.study.toml import toml
+
+    lines = []
+    outcomes = {name: answer for name, answer in settings.outcomes.items() if answer.holds}
+    if outcomes:
+        ripples = " and ".join(_rpm(answer.ripple) for answer in outcomes.values())
+        text = f"With {change_words(settings.changes)} harmonic holds {_speeds(study, [*outcomes])}"
+        lines += _wrapped(f"{text}: it leaves {ripples} of ripple (rms). If your drive can do this, try:")
+        sets = [f"--set {shlex.quote(f'{key}={toml(value)}')}" for key, value in settings.changes.items()]
+        lines.append(f"  {program()} run {_called(path)} " + " \\\n    ".join(sets))
+    if settings.vain:
+        lines += _wrapped(f"Tried in vain: {', '.join(settings.vain)}.")
+    return ["", *lines] if lines else []
 
 
 def _jerks(answer: Outcome) -> str:
     return " in jerks" if answer.uneven else ""
 
 
-def _pays_off(design: Answer) -> bool:
-    """Whether learning is worth it at the slowest speed."""
-    return bool(design.remaining) and min(design.remaining, key=lambda speed: speed.omega_m).worth_it
-
-
-def _why_not(study: Study) -> str:
-    """Warnings that the first reference is beyond the drive, then those on the controller `harmonic`."""
+def _why_not(study: Study, scenarios: Sequence[str]) -> list[str]:
+    """Warnings that references are beyond the drive, then those on the controller `harmonic`."""
     from cogless.design.warnings import beyond_drive, warnings
+    from cogless.study import changed
 
-    scenario = next(iter(study.scenario))
-    remarks = [*beyond_drive(study, [scenario]), *warnings(study, scenario, "harmonic")]
-    return " ".join(f"{text}." for text in dict.fromkeys(str(remark) for remark in remarks))
+    if not scenarios:
+        return []
+    tables = study.source.tables["scenario"]
+    alone = changed(study, {"scenario": {name: tables[name] for name in scenarios}})
+    remarks = [*beyond_drive(alone, scenarios), *warnings(alone, scenarios[0], "harmonic")]
+    return [f"{text}." for text in dict.fromkeys(str(remark) for remark in remarks)]
+
+
+def _speeds(study: Study, scenarios: Sequence[str]) -> str:
+    """The speeds of scenarios, such as "5 r/min and 20 r/min"."""
+    return " and ".join(_rpm(study.scenario[name].top_reference) for name in scenarios)
 
 
 def _effect_text(effect: Effect) -> str:
@@ -501,7 +541,7 @@ def _effect_text(effect: Effect) -> str:
         lost = {label: answer for label, answer in effect.outcomes.items() if not answer.holds}
         if not effect.nominal.holds:
             good, outcome = next(item for item in effect.outcomes.items() if item[1].holds)
-            return f"with {good} the speed is held, and harmonic leaves {_rpm(outcome.ripple)}"
+            return f"with {good} the speed is held, and harmonic leaves {_result(outcome)}"
         label, outcome = next(iter(lost.items()))
         return f"with {label} the speed is not held: {outcome.why}"
     low, high = effect.ripples

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -59,15 +59,29 @@ class Answer:
         return self.words.removeprefix(self.verdict).lstrip(",:; ").removeprefix("because ")
 
 
-def doubt(study: Study, name: str) -> str:
-    """Why the design is not sure of a controller's learning, as a clause; "" if it is sure."""
-    own_answer = answer_of(study, name)
+def doubt(study: Study, name: str, scenario: str) -> str:
+    """Why the design is not sure of a controller's learning in a scenario, as a clause; "" if it is sure."""
+    own_answer = answer_of(study, name, scenario)
     return own_answer.doubt if own_answer is not None else ""
 
 
-def answer_of(study: Study, name: str) -> Answer | None:
-    """The answer for a controller that learns while it runs; None for another."""
-    return answer(study, name, design(study, name)) if study.controller[name].learns else None
+def answer_of(study: Study, name: str, scenario: str = "") -> Answer | None:
+    """The answer for a controller that learns while it runs; None for another.
+
+    `scenario`: the answer is about this scenario's speeds; "": about those of all its scenarios.
+    """
+    if not study.controller[name].learns:
+        return None
+    own_design = design(study, name)
+    if scenario and own_design.certificate is not None:
+        return _certified(study, name, _in_scenario(study, own_design.certificate, scenario), [scenario])
+    return answer(study, name, own_design)
+
+
+def _in_scenario(study: Study, certified: Certificate, scenario: str) -> Certificate:
+    """The certificate at the speeds of a scenario alone."""
+    low, high = study.scenario[scenario].slowest, study.scenario[scenario].top_reference
+    return replace(certified, speeds=tuple(at for at in certified.speeds if low <= at.omega_m <= high))
 
 
 def to_dict(study: Study) -> dict[str, Any]:
@@ -131,7 +145,7 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
     if is_unstable_with_back_emf(study, name):
         return Answer("no", "no, because its feedback is unstable with the motor's back-EMF")
     if design.certificate is not None:
-        return _certified(study, name, design.certificate)
+        return _certified(study, name, design.certificate, study.scenarios_of(name))
     if verdict is None:
         return Answer("not judged", "not judged: the law is the study's own code")
     if verdict.kind == "settles":
@@ -148,8 +162,8 @@ def answer(study: Study, name: str, design: Design) -> Answer | None:
     return Answer("not judged", verdict.in_words())
 
 
-def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
-    """The answer for a controller with the law `harmonic`, from its certificate."""
+def _certified(study: Study, name: str, certificate: Certificate, scenarios: Sequence[str]) -> Answer:
+    """The answer for a controller with the law `harmonic` in scenarios, from its certificate."""
     speeds = certificate.speeds
     if not speeds or all(speed.snaps is not None for speed in speeds):
         return Answer("not judged", certificate.in_words())
@@ -158,7 +172,7 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         reach = _reach(study, certificate.fastest)
         settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
         at_speeds = remaining(study, name, certificate)
-        doubt = _limited_voltage(study, name) or _heavier_than_certified(study, certificate)
+        doubt = _limited_voltage(study, scenarios) or _heavier_than_certified(study, certificate)
         cures = () if doubt else _quieter_rates(study, name, at_speeds)
         worthless = "" if doubt else _not_worth_it(study, at_speeds)
         if orders := _learned_in_vain(study, name):
@@ -194,9 +208,9 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     )
 
 
-def _limited_voltage(study: Study, name: str) -> str:
+def _limited_voltage(study: Study, scenarios: Sequence[str]) -> str:
     """How noise takes the voltage to its limit, so that little is learned, as a clause; "" if it doesn't."""
-    limited = ((scenario, noisy_voltage(study, scenario)) for scenario in study.scenarios_of(name))
+    limited = ((scenario, noisy_voltage(study, scenario)) for scenario in scenarios)
     return next((f"in {scenario} {remark}" for scenario, remark in limited if remark is not None), "")
 
 

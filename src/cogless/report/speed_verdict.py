@@ -375,18 +375,18 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
             cost = _costs(case)
             details += [_without_learning(case), _against_the_next(case), cost]
         details += [_rest(case), *_failures(case)]
-    doubts = _doubts(case)
+    doubts = _doubts(case, scenario)
     details = [str(limited or ""), *doubts, *details]
     sentences = [sentence for sentence in details if sentence]
     return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost, doubts=doubts)
 
 
-def _doubts(case: _Case) -> list[str]:
+def _doubts(case: _Case, scenario: str) -> list[str]:
     """Sentences on winners whose next run may end otherwise, as their design says."""
     return [
         f"In another run, such as with --set seed=1, {case.label(c)} may leave more: {why}."
         for c in case.winners
-        if case.learns(c) and (why := doubt(case.study, c))
+        if case.learns(c) and (why := doubt(case.study, c, scenario))
     ]
 
 

@@ -47,7 +47,7 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
         "sensor-error": lambda: [*_encoder_tables(study, run, metric), *_hall_edges(own_study)],
         "delay": lambda: [
             *observers(own_study, FAST_OCTAVES),
-            *_rates(own_study),
+            *rates_of_law(own_study),
             *_quicker(own_study),
             *_hall_edges(own_study),
         ],
@@ -57,7 +57,7 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
         "learning-time": lambda: [Candidate(longer(study, run.scenario, run.controller, metric))],
         "disturbance": lambda: [
             *_laws(own_study, run.controller),
-            *_rates(own_study),
+            *rates_of_law(own_study),
             *_gains(own_study, run.controller),
         ],
         "limit": lambda: _limits(own_study),
@@ -151,7 +151,7 @@ def _calibrated(study: Study) -> Iterator[Candidate]:
     yield Candidate({key: value for key, value in less.items() if any(getattr(sensors, key.split(".")[-1]))})
 
 
-def _rates(study: Study) -> Iterator[Candidate]:
+def rates_of_law(study: Study) -> Iterator[Candidate]:
     """Candidates with twice the rate of the law, and with the rate of the current loop."""
     rates = study.drive.rates
     for factor in dict.fromkeys((2, rates.divider)):
@@ -180,17 +180,23 @@ def compensations(study: Study) -> Iterator[Candidate]:
 
 def _calmer(study: Study) -> Iterator[Candidate]:
     """Candidates with a slower current loop, which amplifies less noise; then with better current sensors."""
-    loop, sensors = study.drive.current_loop, study.drive.current_sensors
+    sensors = study.drive.current_sensors
+    yield from slower_current_loops(study)
+    if sensors.noise:
+        yield Candidate({f"{CURRENTS}.noise": f"{1000 * sensors.noise / 4:.4g} mA"}, setting=False)
+    if sensors.bits:
+        yield Candidate({f"{CURRENTS}.bits": min(32, sensors.bits + 4)}, setting=False)
+
+
+def slower_current_loops(study: Study) -> Iterator[Candidate]:
+    """Candidates with a slower current loop."""
+    loop = study.drive.current_loop
     for factor in TRIED_FACTORS:
         if isinstance(loop, CurrentLoop) and loop.bandwidth is not None:
             yield Candidate({f"{LOOP}.bandwidth": f"{_round(loop.bandwidth / factor):g} Hz"})
         elif isinstance(loop, CurrentLoop) and loop.kp is not None and loop.ki is not None:
             slower = {f"{LOOP}.kp": f"{loop.kp / factor:.4g} V/A"}
             yield Candidate({**slower, f"{LOOP}.ki": f"{loop.ki / factor:.4g} V/A/s"})
-    if sensors.noise:
-        yield Candidate({f"{CURRENTS}.noise": f"{1000 * sensors.noise / 4:.4g} mA"}, setting=False)
-    if sensors.bits:
-        yield Candidate({f"{CURRENTS}.bits": min(32, sensors.bits + 4)}, setting=False)
 
 
 def _laws(study: Study, controller: str) -> Iterator[Candidate]:

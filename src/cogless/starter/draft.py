@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -24,8 +25,10 @@ from cogless.run.suspects import SENSOR
 from cogless.starter.amounts import amount, digits, exact_rate
 from cogless.starter.better_settings import better_settings
 from cogless.starter.doubts import doubts, unusual
+from cogless.starter.guess_list import guessed_values
 from cogless.starter.motor_rules import KV_TO_TORQUE
 from cogless.starter.motor_sections import (
+    MAGNET_CONSTANTS,
     MotorFacts,
     adapted,
     class_of,
@@ -37,7 +40,7 @@ from cogless.starter.motor_sections import (
     share_of,
 )
 from cogless.starter.part_catalogue import Figure, Part, parts
-from cogless.starter.ranking import LEARNING_LAW, outcomes
+from cogless.starter.ranking import LEARNING_LAW, Outcomes, outcomes, shortfall
 from cogless.starter.request import NUMBERS, Answer, Request, RequestError
 from cogless.starter.sensor_choice import (
     COUNTS_PER_SECOND,
@@ -65,7 +68,7 @@ COMPENSATED = (
     f"Switched on: {COMPENSATION}. With it the learning law harmonic leaves less ripple. Your board's "
     "firmware must compensate its dead time, too."
 )
-OBSERVER_KEYS = ("speed_method", "observer_bandwidth")
+METHOD_KEYS = ("speed_method", "observer_bandwidth")
 COGGING_FREQUENCY = 40.0  # Hz, frequency of the main order at the chosen speed
 VOLTAGE_SHARE = 0.5  # chosen speed / speed without load, at most
 SPEED_ROUNDS = 3  # speeds that are tried at most, while the rotor snaps at them
@@ -80,17 +83,12 @@ LAST_LEAST = 2.0  # s in which metrics are taken, rounded up to whole turns
 LAST_MARGIN = 1.05  # factor on the window of orders, so that a slightly slow rotor turns once, too
 ROWS_MOST, ROWS_IN_WAVE = 300_000, 4  # rows of a trace, and in a wave of the main order
 TRACE_RATE_LEAST, TRACE_RATE_MOST = 500.0, 5000.0  # Hz
+STEP_PHASES = 2  # phases of a step motor
 OF_PHASES = {  # number of phases -> answers that only such a motor has
     2: ("holding-torque", "detent-torque", "step-angle"),
     3: ("slots", "kv", "torque-constant", "back-emf", "pole-pairs"),
 }
 OF_A_STEP_DATASHEET = ("resistance", "inductance", "holding-torque", "detent-torque", "step-angle", "cogging")
-# Answers on the magnet -> functions from the answer to K_t, and from K_t to the answer, all SI.
-MAGNET_CONSTANTS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
-    "torque-constant": (lambda constant: constant, lambda constant: constant),
-    "kv": (lambda kv: KV_TO_TORQUE / kv, lambda constant: KV_TO_TORQUE / constant),
-    "back-emf": (lambda emf: math.sqrt(1.5) * emf, lambda constant: constant / math.sqrt(1.5)),
-}
 OF_ENCODERS = {"bits": "absolute", "cpr": "incremental"}
 ORDER_ROWS = 2.2  # rows in a wave of an order, at least, or no metric reports this order
 CONVERTER_BITS = 12  # bits of each current sensor's converter
@@ -101,7 +99,8 @@ LOAD_FACTOR = 3.0  # inertia with a load that nobody stated / that of the rotor,
 class Draft:
     """The text of a study, and its guesses; remarks and doubts about what was asked, in sentences.
 
-    `unusual`: the numbers that such a motor seldom has.
+    `unusual`: the numbers that such a motor seldom has. `guessed`: the guessed values as text, by the flag
+    that sets each, else by the key in the study.
     """
 
     text: str
@@ -109,6 +108,7 @@ class Draft:
     remarks: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     unusual: tuple[str, ...] = ()
+    guessed: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def tables(self) -> dict[str, Any]:
@@ -120,14 +120,14 @@ class Fit:
     """Settings that are chosen by designs and runs of the study itself.
 
     `steps`: integration steps of the plant in a period of the current loop. `observer`: keys of the sensor;
-    {} where its edges are timed. `tried_observer`: such keys, chosen by runs. `compensation`: keys of the
-    compensation of dead time; None: none. `feedbacks`: gains in place of a tuning rule. `base`: the learning
-    law's base, and the reason. `settling`: the time in which the law learns, s.
+    {} where its edges are timed. `tried_method`: the sensor's keys of a speed method chosen by runs.
+    `compensation`: keys of the compensation of dead time; None: none. `feedbacks`: gains in place of a tuning
+    rule. `base`: the learning law's base, and the reason. `settling`: the time in which the law learns, s.
     """
 
     steps: int = 1
     observer: Mapping[str, str] = field(default_factory=dict)
-    tried_observer: Mapping[str, str] = field(default_factory=dict)
+    tried_method: Mapping[str, str] = field(default_factory=dict)
     compensation: Mapping[str, str] | None = None
     feedbacks: Feedbacks = field(default_factory=dict)
     base: tuple[int, str] | None = None
@@ -140,55 +140,45 @@ def draft(request: Request, title: str, path: Path) -> Draft:
     RequestError: an answer does not fit the others. StudyError: a study with these numbers is refused.
     A speed that nobody asked for is raised until the rotor does not snap from detent to detent.
     """
-    speed = None
+    speed, drive = None, parts("drives")[request.drive]
     for _ in range(SPEED_ROUNDS):
-        of_slowest = replace(request, faster=())
-        composed = _fitted(
-            partial(_composed, of_slowest, title, speed),
-            partial(_composed, request, title, speed),
-            path,
-            "compensates" in parts("drives")[request.drive].table,
-        )
+        composed = _fitted(partial(_composed, request, title, speed), path, drive)
         speed = None if "speed" in request.numbers else turning_speed(_study(composed, path))
         if speed is None:
             break
     return composed
 
 
-def _fitted(
-    compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Draft], path: Path, compensates: bool
-) -> Draft:
-    """The study with the integration steps, the speed method, the feedbacks and the settings that suit it.
-
-    `compose_slowest`: composes the study with the slowest speed alone, which is the hardest to hold.
-    `compensates`: whether the drive may compensate its dead time.
-    """
+def _fitted(compose: Callable[[Fit], Draft], path: Path, drive: Part) -> Draft:
+    """The study with the integration steps, the speed method, the feedbacks and the settings that suit it."""
     fit = Fit(steps=_integration_steps(compose(Fit()), path))
-    fit = replace(fit, observer=fit_observer(_study(compose_slowest(fit), path)))
-    fit = replace(fit, feedbacks=slower_feedbacks(_study(compose_slowest(fit), path)))
-    fit = _learning(fit, compose_slowest, compose, path)
-    better = better_settings(_study(compose_slowest(fit), path), compensates)
+    fit = replace(fit, observer=fit_observer(_study(compose(fit), path)))
+    fit = replace(fit, feedbacks=slower_feedbacks(_study(compose(fit), path)))
+    fit = _learning(fit, compose, path)
+    timer = exact_rate(drive["timer"].typical) if "timer" in drive.figures else ""
+    better = better_settings(_study(compose(fit), path), timer, "compensates" in drive.table)
     if better:
-        observer = {key: better[f"{SENSOR}.{key}"] for key in OBSERVER_KEYS if f"{SENSOR}.{key}" in better}
-        fit = replace(fit, tried_observer=observer, compensation=better.get(COMPENSATION))
-        fit = _learning(fit, compose_slowest, compose, path)
+        timed = better.get(SENSOR, {})  # the whole table
+        chosen = {key: timed.get(key, better.get(f"{SENSOR}.{key}", "")) for key in METHOD_KEYS}
+        method = {key: text for key, text in chosen.items() if text}
+        fit = replace(fit, tried_method=method, compensation=better.get(COMPENSATION))
+        fit = _learning(fit, compose, path)
     return compose(fit)
 
 
-def _learning(
-    fit: Fit, compose_slowest: Callable[[Fit], Draft], compose: Callable[[Fit], Draft], path: Path
-) -> Fit:
+def _learning(fit: Fit, compose: Callable[[Fit], Draft], path: Path) -> Fit:
     """The fit with a run long enough to learn on either base, and the base that leaves less ripple in it."""
     fit = replace(fit, base=None)
     fit = replace(fit, settling=settling_time(_study(compose(fit), path)))
-    return replace(fit, base=better_base(_study(compose_slowest(fit), path)))
+    return replace(fit, base=better_base(_study(compose(fit), path)))
 
 
 def _integration_steps(composed: Draft, path: Path) -> int:
     """Integration steps in a period of the current loop, enough for every variant of every guess."""
     changes: list[Mapping[str, Any]] = [{}]
     changes += (change for guess in composed.guesses for change in guess.variants.values())
-    return max(_steps(composed.tables, change, path) for change in changes)
+    tables = composed.tables
+    return max(_steps(deepcopy(tables), change, path) for change in changes)
 
 
 def _steps(tables: dict[str, Any], change: Mapping[str, Any], path: Path) -> int:
@@ -244,20 +234,32 @@ def better_base(study: Study) -> tuple[int, str] | None:
     rivals = rival_bases(study, LEARNING_LAW)
     if rivals is None:
         return None
-    ((scenario, run),) = study.scenario.items()
     variants = [changed(study, {BASE_KEY: base}) for base in rivals]
-    answers = outcomes(variants, scenario, LEARNING_LAW)
-    ripple = {base: answer.ripple for base, answer in zip(rivals, answers, strict=True) if answer.holds}
+    answers = dict(zip(rivals, outcomes(variants, LEARNING_LAW), strict=True))
     complete, roomy = rivals
     beyond = ", ".join(map(str, unlearned_orders(variants[0], LEARNING_LAW)))
     cogging = f"all orders of the cogging but {beyond}" if beyond else "all orders of the cogging"
     learns = f"base {complete} learns {cogging}, base {roomy} the error of the sensor"
-    of_run = f"in the run of {run.duration:g} s below, with these numbers"
-    if not ripple:
-        return complete, f"{learns}: neither holds the speed {of_run}"
-    best = min(ripple, key=ripple.__getitem__)
-    rms = ", ".join(f"base {base} {amount(value, units.ANGULAR_SPEED)}" for base, value in ripple.items())
-    return best, f"{learns}. Ripple (rms) {of_run}: {rms}"
+    duration = max(run.duration for run in study.scenario.values())
+    several = len(study.scenario) > 1
+    of_runs = f"in {'runs' if several else 'the run'} of {duration:g} s below, with these numbers"
+    if not any(answer.holds for of_base in answers.values() for answer in of_base.values()):
+        return complete, f"{learns}: neither holds {'a' if several else 'the'} speed {of_runs}"
+    best = min(rivals, key=lambda base: shortfall(study, answers[base]))
+    rms = ("; " if several else ", ").join(
+        f"base {base} {_ripples(study, of_base)}" for base, of_base in answers.items()
+    )
+    return best, f"{learns}. Ripple (rms) {of_runs}: {rms}"
+
+
+def _ripples(study: Study, answers: Outcomes) -> str:
+    """The ripple at each speed in words; where there is one speed, without it."""
+    words = []
+    for scenario, answer in answers.items():
+        ripple = amount(answer.ripple, units.ANGULAR_SPEED) if answer.holds else "does not hold the speed"
+        speed = amount(study.scenario[scenario].top_reference, units.ANGULAR_SPEED)
+        words.append(f"{ripple} at {speed}" if len(answers) > 1 else ripple)
+    return ", ".join(words)
 
 
 def _gains_in(change: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -303,7 +305,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     if faster is not None:
         speed = faster, "the slowest at which the rotor does not snap from detent to detent"
     current_rate = _drive(sheet, request, motor, drive, voltage, fit)
-    put_sensor(sheet, request, sensor, drive, observer=fit.observer, tried=fit.tried_observer)
+    put_sensor(sheet, request, sensor, drive, observer=fit.observer, tried=fit.tried_method)
     sheet.doubts += reading_doubt(request, sensor, current_rate)
     duration = _duration(speed[0], fit.settling)
     rows = _scenario(sheet, request, motor, speed, duration, current_rate, voltage.typical)
@@ -315,6 +317,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
         remarks=tuple(sheet.remarks),
         doubts=tuple(sheet.doubts),
         unusual=tuple(sheet.unusual),
+        guessed=guessed_values(sheet),
     )
 
 
@@ -513,8 +516,11 @@ def _limit(sheet: Sheet, section: Section, motor: MotorFacts, drive: Part) -> No
         section.put("current_limit", amount(most.typical, units.CURRENT), origin(most))
         return
     what = "the motor's continuous current"
+    limit = amount(motor.limit, units.CURRENT)
+    if motor.phases == STEP_PHASES:
+        sheet.remarks.append(f"Current limit: {limit} = {motor.limit_reason}.")
     if not motor.limit_is_guess:
-        section.put("current_limit", amount(motor.limit, units.CURRENT), note=what)
+        section.put("current_limit", limit, f"{what}: {motor.limit_reason}")
         return
     figure = Figure(
         typical=motor.limit,
@@ -578,7 +584,7 @@ def _scenario(
         name = "slow" if len(speeds) == 1 else f"at_{digits(rpm).replace('.', '_')}_rpm"
         section = sheet.section(f"[scenario.{name}]")
         section.put("duration", f"{duration:g} s")
-        section.put("reference", text, *((reason,) if reason else ()))
+        section.put("reference", text, *((f"guess: {reason}",) if reason else ()))
         if rpm < _reach(motor, voltage):
             section.put("initial_speed", text)
     return rate

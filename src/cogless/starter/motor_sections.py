@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from cogless import units
 from cogless.files import shipped
-from cogless.starter.amounts import amount, span
+from cogless.starter.amounts import amount, digits, span
 from cogless.starter.motor_rules import (
     COGGING_PHASES,
     KV_TO_TORQUE,
@@ -25,11 +25,17 @@ from cogless.starter.motor_rules import (
     sized,
 )
 from cogless.starter.part_catalogue import Figure, Part, named_motors, parts
-from cogless.starter.request import Request, RequestError
-from cogless.starter.sheet import Guess, Section, Sheet, because, origin
+from cogless.starter.request import Answer, Request, RequestError
+from cogless.starter.sheet import Guess, Section, Sheet, because
 from cogless.study.motor import AnyMotor, StarMotor, teeth_of
 
 OTHER_LAYOUTS = 3  # other layouts that the study tries, at most
+# Answers on the magnet -> functions from the answer to K_t, and from K_t to the answer, all SI.
+MAGNET_CONSTANTS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
+    "torque-constant": (lambda constant: constant, lambda constant: constant),
+    "kv": (lambda kv: KV_TO_TORQUE / kv, lambda constant: KV_TO_TORQUE / constant),
+    "back-emf": (lambda emf: math.sqrt(1.5) * emf, lambda constant: constant / math.sqrt(1.5)),
+}
 MAGNET_WORDS = {"kv": "kv", "torque-constant": "K_t", "back-emf": "K_e_line_to_line_rms"}
 TORQUE_DIGITS = 4  # digits of the torque of a part of the cogging
 DETENT_ORDER = 4  # electrical order of the detent torque of a step motor with two phases
@@ -81,7 +87,7 @@ def put_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         section.put("pole_pairs", poles // 2, *(() if stated else (_pole_pairs_guess(others, poles, part),)))
     if "slots" not in tables or "slots" in request.numbers:
         stated = "slots" in request.numbers
-        section.put("slots", slots, *(() if stated else (_slots_guess(others, named, slots, poles),)))
+        section.put("slots", slots, *(() if stated else (_slots_guess(others, named, slots),)))
     if others and cogs:
         sheet.guesses.append(_layout_variants(others, (slots, poles), part, amplitudes, request))
     _magnet(sheet, section, request, part, tables)
@@ -102,17 +108,25 @@ def put_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         orders=all_orders,
         limit=size.current,
         limit_is_guess=not {"rated-current", "rated-torque"} & request.numbers.keys(),
-        limit_reason=named.get("guess") or part["rated_torque"].reason,
+        limit_reason=_limit_reason(request) or named.get("guess") or part["rated_torque"].reason,
     )
+
+
+def _limit_reason(request: Request) -> str:
+    """How the continuous current of a motor with three phases follows from the answers; "" if it does not."""
+    if "rated-current" in request.numbers:
+        return "the rated current, a peak value of a phase"
+    return "rated torque over torque constant" if "rated-torque" in request.numbers else ""
 
 
 def _star(request: Request, tables: Mapping[str, Any]) -> Known:
     """What the request and the datasheet say of a motor with three phases."""
-    constant = request.value("torque-constant")
-    if (kv := request.value("kv")) is not None:
-        constant = KV_TO_TORQUE / kv
-    if (emf := request.value("back-emf")) is not None:
-        constant = math.sqrt(1.5) * emf
+    stated = [
+        of(request.numbers[word].value)
+        for word, (of, _) in MAGNET_CONSTANTS.items()
+        if word in request.numbers
+    ]
+    constant = stated[0] if stated else None
     between = request.between_terminals("resistance")
     resistance = None if between is None else between.value / 2
     named = named_motors().get(request.motor, {})
@@ -131,7 +145,10 @@ def _star(request: Request, tables: Mapping[str, Any]) -> Known:
 def _layout(
     request: Request, part: Part, tables: Mapping[str, Any]
 ) -> tuple[tuple[int, int], list[tuple[int, int]]]:
-    """Slots and poles, and other such pairs that the motor may have; no others if its slots are known."""
+    """Slots and poles, and other such pairs that the motor may have; no others if its slots are known.
+
+    The slots of a shipped motor are a guess, too, unless its datasheet has them.
+    """
     named = named_motors().get(request.motor, {})
     pole_pairs = int(request.value("pole-pairs") or tables.get("pole_pairs") or 0)
     slots = int(request.value("slots") or tables.get("slots") or named.get("slots") or 0)
@@ -139,7 +156,10 @@ def _layout(
     if not slots:
         return first, others[:OTHER_LAYOUTS]
     poles = next((p for s, p in part.layouts if s == slots), first[1])
-    return (slots, 2 * pole_pairs or poles), []
+    layout = slots, 2 * pole_pairs or poles
+    if "slots" in request.numbers or "slots" in tables:
+        return layout, []
+    return layout, [other for other in (first, *others) if other != layout][:OTHER_LAYOUTS]
 
 
 def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> str:
@@ -148,10 +168,10 @@ def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> 
     return f"guess: {other_pole_pairs} is possible, too; {table.get('source') or table['guess']}"
 
 
-def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int, poles: int) -> str:
-    if named.get("slots"):
-        return f"guess: as in the shipped study of this motor; others that fit {poles} poles are possible"
+def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int) -> str:
     other_slots = _alternatives([other for other, _ in others], slots)
+    if named.get("slots"):
+        return f"guess: {other_slots} is possible, too; as in the shipped study of this motor"
     return f"guess: {other_slots} is possible, too; the winding is balanced with the poles, as in most motors"
 
 
@@ -165,6 +185,8 @@ def _magnet(sheet: Sheet, section: Section, request: Request, part: Part, tables
     words = [name for name in MAGNET_WORDS if name in request.numbers]
     for name in words:
         section.put(MAGNET_WORDS[name], request.numbers[name].text)
+    if len(words) == 1:
+        sheet.remarks.append(_magnet_remark(words[0], request.numbers[words[0]]))
     if words or tables:
         return
     torque, current = request.numbers.get("rated-torque"), request.numbers.get("rated-current")
@@ -173,6 +195,17 @@ def _magnet(sheet: Sheet, section: Section, request: Request, part: Part, tables
         section.put("K_t", text, note="rated torque over rated current")
         return
     sheet.guess(section, "kv", part["kv"], units.SPEED_CONSTANT, path="motor", name="speed per volt")
+
+
+def _magnet_remark(word: str, answer: Answer) -> str:
+    """The other constants of the magnet that follow from the one that is given."""
+    to_torque, _ = MAGNET_CONSTANTS[word]
+    constant = to_torque(answer.value)
+    kv = units.convert(KV_TO_TORQUE / constant, "rpm/V", units.SPEED_CONSTANT)
+    torque = f"torque constant {amount(constant, units.TORQUE_CONSTANT)} (per ampere of a phase, peak)"
+    speed = f"Kv {digits(kv)} r/min per V"
+    follow = {"kv": [torque], "torque-constant": [speed]}.get(word, [torque, speed])
+    return f"--{word} {answer.text}: {', '.join(follow)}."
 
 
 def _winding(
@@ -295,6 +328,9 @@ def _cogging(
             sheet.guess(section, "torque", figure, units.TORQUE, path=path, name=name)
         if place:
             section.put("phase", _phase(key), note="arbitrary")
+    if not is_stated:
+        torques = {key: figure.typical for key, figure in amplitudes.items()}
+        sheet.answers["cogging"] = amount(half_peak_to_peak(torques, orders), units.TORQUE)
     if is_stated and amplitudes["cogging"].typical:
         sheet.guesses.append(_split_variants(request, part, amplitudes["cogging"], layout))
         parts_text = ", ".join(
@@ -357,7 +393,7 @@ def _layout_variants(
             torques = _split(total, _shares(part, (slots, poles)), (slots, poles), "typical")
         change: dict[str, Any] = {"motor.slots": slots, "motor.cogging": _waves(torques, (slots, poles))}
         label = f"{slots} slots"
-        if "pole-pairs" not in request.numbers:
+        if poles != layout[1]:
             change["motor.pole_pairs"] = poles // 2
             label += f" and {poles} poles"
         variants[label] = change
@@ -378,7 +414,7 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         coil = coil or units.parse(named.get("rated_current", "1 A"), units.CURRENT)
         constant = star.K_t
         size = sized(part, Known(torque_constant=constant, current=peak_of_coil(coil)))
-        return _step_facts(request, part, size, star.pole_pairs)
+        return _step_facts(request, part, size, star.pole_pairs, coil)
     section.put("kind", "step")
     if "step-angle" in request.numbers:
         section.put("step_angle", request.numbers["step-angle"].text)
@@ -388,7 +424,8 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         section.put("step_angle", amount(usual.typical, units.ANGLE, "deg"), reason)
     teeth = _teeth(request, part)
     holding_value = holding or part["rated_torque"].typical
-    peak = peak_of_coil(coil or part["rated_current"].typical)
+    coil = coil or part["rated_current"].typical
+    peak = peak_of_coil(coil)
     size = sized(part, Known(torque_constant=holding_value / peak, torque=holding_value, current=peak))
     for key, name, factor in (
         ("R_s", "resistance", size.resistance_factor),
@@ -405,7 +442,7 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
             sheet.guess(section, key, figure, dimension, path="motor", name=f"{name} of a coil")
     _holding(sheet, section, request, part)
     _detent(sheet, section, request, part, size)
-    return _step_facts(request, part, size, teeth)
+    return _step_facts(request, part, size, teeth, coil)
 
 
 def _teeth(request: Request, part: Part) -> int:
@@ -432,7 +469,10 @@ def _holding(sheet: Sheet, section: Section, request: Request, part: Part) -> No
         section.put("rated_current", request.numbers["rated-current"].text)
     else:
         current = part["rated_current"]
-        section.put("rated_current", amount(current.typical, units.CURRENT), origin(current))
+        text = span(current.low, current.high, units.CURRENT)
+        section.put(
+            "rated_current", amount(current.typical, units.CURRENT), f"guess: {text}; {current.reason}"
+        )
 
 
 def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: Sized) -> None:
@@ -460,8 +500,9 @@ def detent_friction(part: Part, detent: float) -> Figure:
     )
 
 
-def _step_facts(request: Request, part: Part, size: Sized, teeth: int) -> MotorFacts:
-    main = DETENT_ORDER * teeth
+def _step_facts(request: Request, part: Part, size: Sized, teeth: int, coil: float) -> MotorFacts:
+    """The facts of a step motor. `coil`: the rated current of a coil, A."""
+    main, rated = DETENT_ORDER * teeth, amount(coil, units.CURRENT)
     return MotorFacts(
         part=part,
         size=size,
@@ -471,5 +512,6 @@ def _step_facts(request: Request, part: Part, size: Sized, teeth: int) -> MotorF
         orders=(main,),
         limit=size.current,
         limit_is_guess="rated-current" not in request.numbers,
-        limit_reason=part["rated_torque"].reason,
+        limit_reason=f"sqrt(2) times the rated {rated} of a coil; while the motor turns, each coil has a "
+        f"sine with this peak, whose rms value is {rated}",
     )

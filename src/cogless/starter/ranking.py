@@ -1,14 +1,15 @@
 """Find which guesses of a study matter most: short runs have one guess at a time at an end of its range.
 
 What counts is the answer that the user gets: whether the speed is held, and the ripple that `harmonic`
-leaves. Guesses that decide whether the speed is held come first. All others follow, in the order of their
-largest ripple over their smallest. Each change is made in the study, as by `--set`: the design follows.
+leaves. Guesses that decide whether a speed is held come first. All others follow, in the order of their
+largest ripple over their smallest, at the speed where this is largest. Each change is made in the study, as
+by `--set`: the design follows.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,8 @@ LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
 RUN_TICKS_MOST = 250_000  # periods of the current loop in a short run, at most
 LAST_SHARE = 1 / 3  # share of a short run in which the ripple is taken
 ALIKE_RATIO = 1.05  # ripples of a run and of its short run count as equal up to this ratio
+# What the outcome of a run and the metrics of a draft are computed from.
+OUTCOME_SIGNALS = ("omega_ref", "omega_m", "theta_m", "status", "i_d", "i_q")
 AT_ONCE = 8  # variants in a batch; progress is reported after each batch
 
 Report = Callable[[float], None]
@@ -48,11 +51,28 @@ class Outcome:
         return not self.why
 
 
+Outcomes = Mapping[str, Outcome]  # A scenario's name is the key.
+
+
+def shortfall(study: Study, answers: Outcomes) -> tuple[int, float]:
+    """The number of speeds that are not held, and the largest ripple / speed of the rest: less is better."""
+    ratios = [
+        answer.ripple / study.scenario[scenario].top_reference
+        for scenario, answer in answers.items()
+        if answer.holds
+    ]
+    return len(answers) - len(ratios), max(ratios, default=math.inf)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What a guess changes. `nominal`: without a change. `outcomes`: by the label of the guess's variant."""
+    """What a guess changes in a scenario.
+
+    `nominal`: without a change. `outcomes`: by the label of the guess's variant.
+    """
 
     guess: Guess
+    scenario: str
     nominal: Outcome
     outcomes: Mapping[str, Outcome]
 
@@ -79,42 +99,79 @@ class Effect:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AtSpeed:
+    """Outcomes in one scenario of a study with all its guesses as they are."""
+
+    learned: Outcome
+    baseline: Outcome
+
+
+@dataclass(frozen=True, kw_only=True)
 class Ranking:
-    """Outcomes of a study with all its guesses as they are, and the effects of the guesses, largest first.
+    """Outcomes by scenario, and the effects of the guesses in each scenario, the largest first.
 
     `duration`: that of the short runs, s, if their outcome is clearly another than the full run's; else 0.
     """
 
-    learned: Outcome
-    baseline: Outcome
+    at_speeds: Mapping[str, AtSpeed]
     effects: tuple[Effect, ...]
     duration: float = 0.0
+
+    @property
+    def lost(self) -> list[str]:
+        """The scenarios whose speed neither law holds."""
+        return [name for name, at in self.at_speeds.items() if not (at.learned.holds or at.baseline.holds)]
+
+    @property
+    def hopeless(self) -> list[str]:
+        """The scenarios whose speed `harmonic` does not hold, whichever guess is changed."""
+        effects = {name: [e for e in self.effects if e.scenario == name] for name in self.at_speeds}
+        return [
+            name
+            for name, of_guesses in effects.items()
+            if of_guesses and not any(answer.holds for effect in of_guesses for answer in effect.answers)
+        ]
+
+    def largest(self, scenarios: Collection[str]) -> list[Effect]:
+        """The largest effect of each guess in these scenarios, of those that have any effect."""
+        of_guesses: dict[str, Effect] = {}
+        for effect in self.effects:
+            if effect.scenario in scenarios and effect.size != (False, 1.0):
+                of_guesses.setdefault(effect.guess.key, effect)
+        return [*of_guesses.values()]
 
 
 def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share: None) -> Ranking:
     """Run the study, and again with each guess changed. A refused or failed variant holds no speed.
 
-    The runs with a changed guess are short, unless the speed is held only in a full run.
+    The runs with a changed guess are short, unless a speed is held only in a full run.
     """
-    full = with_first_scenario(study)
-    short = shortened(full)
-    (scenario,) = full.scenario
-    (learned,), (base,) = (outcomes([full], scenario, law) for law in (LEARNING_LAW, BASELINE_LAW))
-    (nominal,) = (learned,) if short is full else outcomes([short], scenario, LEARNING_LAW)
-    if learned.holds and not nominal.holds:
-        short, nominal = full, learned  # Learning takes longer than the short run.
+    (learned,), (base,) = (outcomes([study], law) for law in (LEARNING_LAW, BASELINE_LAW))
+    short = shortened(study)
+    (nominal,) = (learned,) if short is study else outcomes([short], LEARNING_LAW)
+    # Where learning takes longer than the short run, the full run counts.
+    slow = [name for name in study.scenario if learned[name].holds and not nominal[name].holds]
+    nominal = {name: learned[name] if name in slow else nominal[name] for name in study.scenario}
+    lengths = ((short, [name for name in study.scenario if name not in slow]), (study, slow))
     changes = [change for guess in guesses for change in guess.variants.values()]
-    rest = iter([*_variants(short, scenario, changes, progress)])
+    rest = iter([*_variants([length for length in lengths if length[1]], changes, progress)])
+    variants = [(guess, {label: next(rest) for label in guess.variants}) for guess in guesses]
     effects = [
-        Effect(guess=guess, nominal=nominal, outcomes={label: next(rest) for label in guess.variants})
-        for guess in guesses
+        Effect(
+            guess=guess,
+            scenario=scenario,
+            nominal=nominal[scenario],
+            outcomes={label: answers[scenario] for label, answers in of_guess.items()},
+        )
+        for guess, of_guess in variants
+        for scenario in study.scenario
     ]
     effects.sort(key=lambda effect: effect.size, reverse=True)
+    alike = all(_is_alike(learned[scenario], nominal[scenario]) for scenario in learned)
     return Ranking(
-        learned=learned,
-        baseline=base,
+        at_speeds={name: AtSpeed(learned=learned[name], baseline=base[name]) for name in study.scenario},
         effects=tuple(effects),
-        duration=0.0 if _is_alike(learned, nominal) else short.scenario[scenario].duration,
+        duration=0.0 if alike else max(scenario.duration for scenario in short.scenario.values()),
     )
 
 
@@ -124,22 +181,14 @@ def _is_alike(one: Outcome, other: Outcome) -> bool:
     return abs(math.log(one.ripple / other.ripple)) <= math.log(ALIKE_RATIO)
 
 
-def with_first_scenario(study: Study) -> Study:
-    """The study with its first scenario alone."""
-    name = next(iter(study.scenario))
-    if len(study.scenario) == 1:
-        return study
-    return changed(study, {"scenario": {name: study.source.tables["scenario"][name]}})
-
-
 def shortened(study: Study) -> Study:
-    """A study of one scenario with a run of at most RUN_TICKS_MOST periods.
+    """The study with runs of at most RUN_TICKS_MOST periods.
 
-    If the run gets shorter by this, metrics are taken in its last third, and metrics of orders are left out.
+    If this makes them shorter, metrics are taken in their last third, and metrics of orders are left out.
     """
-    ((name, scenario),) = study.scenario.items()
-    duration = min(scenario.duration, RUN_TICKS_MOST / study.drive.rates.current_loop)
-    if duration == scenario.duration:
+    full = max(scenario.duration for scenario in study.scenario.values())
+    duration = min(full, RUN_TICKS_MOST / study.drive.rates.current_loop)
+    if duration == full:
         return study
     last = LAST_SHARE * duration
     metrics = [
@@ -147,21 +196,26 @@ def shortened(study: Study) -> Study:
         for table in study.source.tables["metric"]
         if table["kind"] != "order"
     ]
-    return changed(study, {f"scenario.{name}.duration": f"{duration:.6g} s", "metric": metrics})
+    durations = {f"scenario.{name}.duration": f"{duration:.6g} s" for name in study.scenario}
+    return changed(study, {**durations, "metric": metrics})
 
 
 def _variants(
-    study: Study, scenario: str, changes: Sequence[Mapping[str, Any]], progress: Report
-) -> Iterator[Outcome]:
+    lengths: Sequence[tuple[Study, Collection[str]]], changes: Sequence[Mapping[str, Any]], progress: Report
+) -> Iterator[Outcomes]:
+    """The outcomes of each change. `lengths`: studies with other durations, and the scenarios of each."""
     for begin in range(0, len(changes), AT_ONCE):
-        batch = [_changed(study, change) for change in changes[begin : begin + AT_ONCE]]
-        variants = [variant for variant in batch if not isinstance(variant, StudyError)]
-        answers = iter(outcomes(variants, scenario, LEARNING_LAW))
-        for variant in batch:
-            if isinstance(variant, StudyError):
-                yield Outcome(ripple=math.nan, why=str(variant))
-            else:
-                yield next(answers)
+        batch: list[dict[str, Outcome]] = [{} for _ in changes[begin : begin + AT_ONCE]]
+        for study, scenarios in lengths:
+            variants = [_changed(study, change) for change in changes[begin : begin + AT_ONCE]]
+            accepted = [variant for variant in variants if not isinstance(variant, StudyError)]
+            answers = iter(outcomes(accepted, LEARNING_LAW, scenarios))
+            for of_change, variant in zip(batch, variants, strict=True):
+                if isinstance(variant, StudyError):
+                    of_change |= dict.fromkeys(scenarios, Outcome(ripple=math.nan, why=str(variant)))
+                else:
+                    of_change |= next(answers)
+        yield from batch
         progress(min(1.0, (begin + AT_ONCE) / len(changes)))
 
 
@@ -172,16 +226,22 @@ def _changed(study: Study, change: Mapping[str, Any]) -> Study | StudyError:
         return error
 
 
-def outcomes(variants: Sequence[Study], scenario: str, controller: str) -> list[Outcome]:
-    """The outcome of a run of each study, with one scenario and controller."""
+def outcomes(
+    variants: Sequence[Study], controller: str, scenarios: Collection[str] | None = None
+) -> list[Outcomes]:
+    """By scenario, the outcome of a run of each study with one controller. `scenarios`: None: in all."""
     if not variants:
         return []
+    names = [*variants[0].scenario] if scenarios is None else scenarios
     try:
-        results = rollout(variants, [f"{scenario}/{controller}"])
+        results = rollout(variants, [f"{name}/{controller}" for name in names], signals=OUTCOME_SIGNALS)
     except RunError as error:
         results = error.all_results
-    runs = (next(iter(result.runs), None) for result in results)
-    return [outcome(variant, run) for variant, run in zip(variants, runs, strict=True)]
+    by_scenario = [{run.scenario: run for run in result.runs} for result in results]
+    return [
+        {name: outcome(variant, runs.get(name)) for name in names}
+        for variant, runs in zip(variants, by_scenario, strict=True)
+    ]
 
 
 def outcome(study: Study, run: Run | None) -> Outcome:

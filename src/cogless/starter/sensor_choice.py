@@ -53,7 +53,7 @@ def put_sensor(
     observer: Mapping[str, str],
     tried: Mapping[str, str],
 ) -> None:
-    """Write the sensor's section. `observer`: keys by `fit_observer`. `tried`: keys chosen by runs."""
+    """Write the sensor's section. `observer`: keys by `fit_observer`. `tried`: keys by runs."""
     section = sheet.section(f"[{PATH}]")
     kind = sensor.table["kind"]
     section.put("kind", kind, note=sensor.description)
@@ -65,18 +65,21 @@ def put_sensor(
         section.put(
             "lines", sensor_counts(request, sensor) // 4, *(() if stated else (origin(sensor["counts"]),))
         )
+        if not stated:
+            sheet.answers["cpr"] = str(sensor_counts(request, sensor))
     else:
         stated = "bits" in request.numbers
         bits = int(request.value("bits") or sensor["bits"].typical)
         section.put("bits", bits, *(() if stated else (origin(sensor["bits"]),)))
     own = f"{drive.name} itself: {drive.table['own_speed']}"
     timed = kind == "encoder" and "timer" in drive.figures
-    if timed and not (observer or tried):
-        section.put("speed_method", "MT", own)
+    method = tried or observer
+    if timed and method.get("speed_method", "MT") == "MT":
+        section.put("speed_method", "MT", own, note=TRIED if tried else "")
         section.put("timer", exact_rate(drive["timer"].typical), origin(drive["timer"]))
     else:
         section.put("speed_method", "observer", own)
-        bandwidth = (tried or observer).get("observer_bandwidth", UNFITTED_BANDWIDTH)
+        bandwidth = method.get("observer_bandwidth", UNFITTED_BANDWIDTH)
         section.put("observer_bandwidth", bandwidth, note=TRIED if tried else BY_RULE)
     if not timed and "latency" in sensor.figures:
         sheet.guess(

@@ -14,6 +14,7 @@ from cogless.study.toml import toml
 from cogless.units import Dimension
 
 COMMENT_WIDTH = 100
+GUESS_MARK = "guess: "  # begins the comment above a guessed value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +33,11 @@ class Guess:
 
 @dataclass
 class Section:
-    """A table of the study: heading, such as "[motor]", and lines."""
+    """A table of the study: heading, such as "[motor]", and lines. `guessed`: the guessed values by key."""
 
     heading: str
     lines: list[str] = field(default_factory=list)
+    guessed: dict[str, Any] = field(default_factory=dict)
 
     def put(self, key: str, value: Any, *comments: str, note: str = "") -> None:
         """Add a key with its value. Comments stand above the key, a note behind the value."""
@@ -44,6 +46,8 @@ class Section:
                 comment, COMMENT_WIDTH, initial_indent="# ", subsequent_indent="#   ", break_on_hyphens=False
             )
         self.lines.append(f"{key} = {toml(value)}{f'  # {note}' if note else ''}")
+        if any(comment.startswith(GUESS_MARK) for comment in comments):
+            self.guessed[key] = value
 
     def put_text(self, key: str, text: str) -> None:
         """Add a key whose value is TOML already."""
@@ -55,7 +59,8 @@ class Sheet:
     """Sections in the order of the file, and the guesses in them.
 
     `remarks`: sentences on how a number was understood. `doubts`: warnings of numbers that are unlikely.
-    `unusual`: numbers that such a motor seldom has.
+    `unusual`: numbers that such a motor seldom has. `answers`: guessed answers, as text by flag, that the
+    study has in another form or in several keys.
     """
 
     sections: list[Section] = field(default_factory=list)
@@ -63,6 +68,7 @@ class Sheet:
     remarks: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     unusual: list[str] = field(default_factory=list)
+    answers: dict[str, str] = field(default_factory=dict)
 
     def section(self, heading: str) -> Section:
         self.sections.append(Section(heading))
