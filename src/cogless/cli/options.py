@@ -18,7 +18,7 @@ from cogless.cli.completion import (
     complete_study,
 )
 from cogless.errors import StudyError
-from cogless.lines import print_text
+from cogless.lines import print_text, say
 
 if TYPE_CHECKING:
     from cogless.study import AnyStudy
@@ -57,7 +57,10 @@ SetOption = Annotated[
         "--set",
         metavar="KEY=VALUE",
         autocompletion=complete_change,
-        help="Change a value, such as controller.pi.kp=0.02. A bare number keeps the file's unit.",
+        help=(
+            "Change a value, such as controller.pi.kp=0.02. A bare number keeps the file's unit. KEY= "
+            "without a value deletes the key."
+        ),
     ),
 ]
 
@@ -160,7 +163,11 @@ def load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.design.auto import load
     from cogless.study.reading import changes_from
 
-    return load(study, changes_from(changes or ()))
+    values = changes_from(changes or ())
+    loaded = load(study, values)
+    for key in (key for key, value in values.items() if value is None):
+        say(f"Deleted for this command: {key}")
+    return loaded
 
 
 def chosen(study: AnyStudy, controller: str | None) -> str:

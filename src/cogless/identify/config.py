@@ -155,7 +155,9 @@ class Identification(Table):
             raise invalid("expected a drive.position_sensor with counts", "columns", "theta", "unit")
         if self.drive.current_reference is not None:
             raise invalid(
-                "expected no such key: the torque is taken from i_q alone", "drive", "current_reference"
+                "expected no such key, since the torque is taken from i_q alone: delete current_reference",
+                "drive",
+                "current_reference",
             )
         for index, rule in enumerate(self.log):
             if rule.controller is not None and rule.controller not in self.controller:

@@ -56,11 +56,16 @@ PATTERNS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake: its key, the value at that key, and what was expected."""
+    """One mistake: its key, the value at that key, and what was expected.
+
+    `by`: a key that excludes the key. `either`: without `by` the key would be right.
+    """
 
     key: Key
     value: str
     expected: str
+    by: Key | None = None
+    either: bool = False
 
     def line(self, file: Path | str, prefix: str = "") -> str:
         """The line to print. `prefix`: text in front of the key."""
@@ -123,7 +128,8 @@ def _place(key: Key, tables: Any) -> list[int]:
 
 def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     context = {"length": length, **details.get("ctx", {})}
-    key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
+    table = _existing(details["loc"], tables)
+    key = table + tuple(context.get("key", ()))
     kind = details["type"]
     if kind.startswith("union_tag"):
         key = (*key, context["discriminator"].strip("'_()"))  # pydantic writes "'law'" or "_kind()"
@@ -134,7 +140,10 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     name = value if isinstance(value, str) else absent
     of_words = kind in OF_WORDS or expected.startswith(ONE_OF)
     meant = perhaps(name, WORDS.findall(expected)) if of_words and name else ""
-    return Problem(key, toml_text(value) if is_present else absent, expected + meant)
+    by = table + tuple(context["by"]) if "by" in context else None
+    return Problem(
+        key, toml_text(value) if is_present else absent, expected + meant, by, context.get("either", False)
+    )
 
 
 def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
