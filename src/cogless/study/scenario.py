@@ -139,10 +139,10 @@ class TorqueMode(Table):
 
     @model_validator(mode="after")
     def _one_current(self) -> Self:
-        given = {"current", "profile"} & self.model_fields_set
-        if len(given) == 2:
+        forms = {"current", "profile"} & self.model_fields_set
+        if len(forms) == 2:
             raise excluded("profile", "current")
-        if not given:
+        if not forms:
             raise invalid("expected either current or profile")
         if any(b <= a for (a, _), (b, _) in pairwise(self.profile)):
             raise invalid("expected points, each later than the previous one", "profile")

@@ -66,10 +66,10 @@ def excluded(key: str | Key, by: str | Key, since: str = "", instead: str = "") 
 
 def check_one(table: Table, keys: Sequence[str], expected: str, at: str = "") -> None:
     """Refuse a table with none of these keys, or with two. `at`: the key that is missing if none is there."""
-    given = [key for key in keys if getattr(table, key) not in (None, ())]
-    if len(given) > 1:
-        raise excluded(given[1], given[0])
-    if not given:
+    present = [key for key in keys if getattr(table, key) not in (None, ())]
+    if len(present) > 1:
+        raise excluded(present[1], present[0])
+    if not present:
         raise invalid(expected, at, value="missing") if at else invalid(expected)
 
 
