@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -59,10 +60,20 @@ class Answer:
         return self.words.removeprefix(self.verdict).lstrip(",:; ").removeprefix("because ")
 
 
-def doubt(study: Study, name: str) -> str:
-    """Why the design is not sure of a controller's learning, as a clause; "" if it is sure."""
-    own_answer = answer_of(study, name)
-    return own_answer.doubt if own_answer is not None else ""
+def doubt(study: Study, name: str, scenario: str) -> str:
+    """Why the design is not sure of a controller's learning in a scenario, as a clause; "" if it is sure."""
+    own_answer, certified = answer_of(study, name), design(study, name).certificate
+    if own_answer is None or not own_answer.doubt or certified is None:
+        return ""
+    ends = (study.scenario[scenario].slowest, study.scenario[scenario].top_reference)
+    here = [speed for speed in certified.speeds if any(math.isclose(speed.omega_m, end) for end in ends)]
+    return (
+        _limited_voltage(study, [scenario])
+        or _heavier_than_certified(study, dataclasses.replace(certified, speeds=tuple(here)))
+        or _coarse_doubt(
+            study, [speed for speed in own_answer.remaining if speed.scenario == scenario], own_answer.cures
+        )
+    )
 
 
 def answer_of(study: Study, name: str) -> Answer | None:
@@ -158,7 +169,9 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
         reach = _reach(study, certificate.fastest)
         settles = f"yes, {certificate.learner.order_words}{_times(study, times, lacks)}{reach}"
         at_speeds = remaining(study, name, certificate)
-        doubt = _limited_voltage(study, name) or _heavier_than_certified(study, certificate)
+        doubt = _limited_voltage(study, study.scenarios_of(name)) or _heavier_than_certified(
+            study, certificate
+        )
         cures = () if doubt else _quieter_rates(study, name, at_speeds)
         worthless = "" if doubt else _not_worth_it(study, at_speeds)
         if orders := _learned_in_vain(study, name):
@@ -194,9 +207,9 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
     )
 
 
-def _limited_voltage(study: Study, name: str) -> str:
+def _limited_voltage(study: Study, scenarios: Iterable[str]) -> str:
     """How noise takes the voltage to its limit, so that little is learned, as a clause; "" if it doesn't."""
-    limited = ((scenario, noisy_voltage(study, scenario)) for scenario in study.scenarios_of(name))
+    limited = ((scenario, noisy_voltage(study, scenario)) for scenario in scenarios)
     return next((f"in {scenario} {remark}" for scenario, remark in limited if remark is not None), "")
 
 

@@ -299,7 +299,7 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
     """
     path = split(key)
     if value is None:
-        _delete(tables, path, key)
+        _delete(tables, path)
         return
     inner: Any = tables
     for depth, part in enumerate(path[:-1]):
@@ -326,13 +326,10 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
         raise StudyError(f"{key}: {toml_text(value)}: expected a key of the study")
 
 
-def _delete(tables: dict[str, Any], path: Key, key: str) -> None:
+def _delete(tables: dict[str, Any], path: Key) -> None:
     inner, last = look_up(tables, path[:-1]), path[-1]
-    if look_up(inner, (last,)) is MISSING:
-        raise StudyError(
-            f"{key}: missing: expected a key of the file, since a change without a value deletes its key"
-        )
-    del inner[str(last) if isinstance(inner, dict) else last]
+    if look_up(inner, (last,)) is not MISSING:
+        del inner[str(last) if isinstance(inner, dict) else last]
 
 
 def _index_hint(array: list[Any], key: Key) -> str:
@@ -401,7 +398,12 @@ def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str,
 
 
 def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
-    """Refuse a change to an unknown controller or scenario, unless the changes define it as a whole."""
+    """Refuse to delete an absent key, and to change an unknown controller or scenario unless as a whole."""
+    for key, value in changes.items():
+        if value is None and look_up(tables, split(key)) is MISSING:
+            raise StudyError(
+                f"{path}: {key}: missing: expected a key of the file, since --set {key}= deletes it"
+            )
     for table, needed in (("controller", "law"), ("scenario", "duration")):
         defined = tables.get(table)
         for key, value in changes.items():
