@@ -129,7 +129,8 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
         ({SENSOR: {**WORD, "speed_method": "MT"}},
             'drive.position_sensor.speed_method: "MT": expected "M", "average" or "observer", perhaps "M"'),
         ({SENSOR: {**WORD, "speed_method": "observer"}},
-            "drive.position_sensor.observer_bandwidth: missing: expected the observer's bandwidth"),
+            'drive.position_sensor.observer_bandwidth: missing: expected this key, since speed_method = '
+            '"observer", such as "200 Hz"'),
         ({SENSOR: {**WORD, "speed_method": "M", "window": 3}},
             'drive.position_sensor.window: 3: expected no such key, since speed_method = "M": delete window, '
             'or set speed_method = "average"'),

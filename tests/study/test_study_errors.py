@@ -79,7 +79,7 @@ line_of = partial(refusal, studies.study)
         ("seed", -1, "seed: -1: expected a number of 0 or more"),
         ("motor.pole_pairs", 4.5, "motor.pole_pairs: 4.5: expected a whole number"),
         ("motor.pole_pairs", True, "motor.pole_pairs: true: expected a whole number"),
-        ("metric", 3, "metric: 3: expected an array"),
+        ("metric", 3, "metric: 3: expected an array of tables, written as [[metric]]"),
         # motor
         ("motor.winding", "wye", 'motor.winding: "wye": expected "star" or "delta"'),
         ("motor.cogging", [{"order": 24}],

@@ -66,10 +66,12 @@ def doubt(study: Study, name: str, scenario: str) -> str:
     if own_answer is None or not own_answer.doubt or certified is None:
         return ""
     ends = (study.scenario[scenario].slowest, study.scenario[scenario].top_reference)
-    here = [speed for speed in certified.speeds if any(math.isclose(speed.omega_m, end) for end in ends)]
+    own_speeds = [
+        speed for speed in certified.speeds if any(math.isclose(speed.omega_m, end) for end in ends)
+    ]
     return (
         _limited_voltage(study, [scenario])
-        or _heavier_than_certified(study, dataclasses.replace(certified, speeds=tuple(here)))
+        or _heavier_than_certified(study, dataclasses.replace(certified, speeds=tuple(own_speeds)))
         or _coarse_doubt(
             study, [speed for speed in own_answer.remaining if speed.scenario == scenario], own_answer.cures
         )

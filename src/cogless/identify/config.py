@@ -64,7 +64,7 @@ class Column(Table):
     """A column of the logs: heading, the files that have it (default: all), unit (default: SI), -1 as `sign`
     where it counts backwards, and a factor."""
 
-    name: str
+    name: str = Field(examples=['"time"'])
     files: Many[str] = ("*",)  # * and ? stand for any letters
     unit: str = ""
     sign: Literal[1, -1] = 1

@@ -53,17 +53,19 @@ def with_limits(
     return replace(results, limits=by_scenario)
 
 
-def _elsewhere(results: Results, run: Run, known: Mapping[str, Limits], long: bool) -> Iterator[Elsewhere]:
+def _elsewhere(
+    results: Results, run: Run, by_scenario: Mapping[str, Limits], long: bool
+) -> Iterator[Elsewhere]:
     """One run of each other scenario, to try changes: of the same controller, or else of the best one.
 
-    `known`: the limits of earlier scenarios. Scenarios with faults are left out, and ones in which no
+    `by_scenario`: the limits of earlier scenarios. Scenarios with faults are left out, and ones in which no
     controller holds the speed. `long`: include runs that take long or execute a user's code.
     """
     for scenario in results.scenarios:
         best = judged(results, scenario)
         if scenario == run.scenario or best is None or results.study.scenario[scenario].faults:
             continue
-        missed, tried = best.line.missed, known.get(scenario)
+        missed, tried = best.line.missed, by_scenario.get(scenario)
         runs = [other for other in runs_in(results, scenario) if other.controller == run.controller]
         other = next((other for other in (*runs, best.run) if other.controller not in missed), None)
         if other is not None and (long or is_quick(results.study, scenario, other.controller)):

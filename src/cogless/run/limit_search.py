@@ -162,11 +162,11 @@ def _acting(cure: Cure, controller: str) -> dict[str, Any]:
 def _values(of: Sequence[Changes], other: Elsewhere, tries: _Tries) -> list[float | None]:
     """The metric that judges another scenario, after each change; None: the speed is not held there."""
     cures = other.tried.cures if other.tried is not None else ()
-    known: dict[str, float | None] = {repr(cure.changes): cure.value for cure in cures}
-    fresh = [changes for changes in of if repr(changes) not in known]
+    by_changes: dict[str, float | None] = {repr(cure.changes): cure.value for cure in cures}
+    fresh = [changes for changes in of if repr(changes) not in by_changes]
     for changes, metrics in zip(fresh, tries.metrics(fresh), strict=True):
-        known[repr(changes)] = tries.value_of(metrics)
-    return [known[repr(changes)] for changes in of]
+        by_changes[repr(changes)] = tries.value_of(metrics)
+    return [by_changes[repr(changes)] for changes in of]
 
 
 def _is_worse(study: Study, other: Elsewhere, before: float, value: float | None) -> bool:

@@ -47,6 +47,7 @@ MISSING_KINDS = {
     "position_sensor": 'expected a kind of sensor, such as "encoder"',
     "faults": 'expected a kind of fault, such as "angle-missing"',
 }
+ARRAYS_OF_TABLES = (("metric",), ("assumption",))
 NAMED_TABLES = {"scenario": "slow", "controller": "pi"}  # tables of named tables, each with a sample name
 PATTERNS = {
     r"^.+\.py:\w+$": 'expected a file and a class, such as "my_law.py:MyLaw"',
@@ -150,7 +151,7 @@ def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
     """The expectation for a mistake that is clear from its place in the file; None for other mistakes."""
     if kind == "union_tag_not_found":
         return next((MISSING_KINDS[part] for part in reversed(key) if part in MISSING_KINDS), None)
-    if kind == "tuple_type" and isinstance(value, dict):
+    if kind == "tuple_type" and (isinstance(value, dict) or key in ARRAYS_OF_TABLES):
         return f"expected an array of tables, written as [[{dotted(key)}]]"
     if len(key) == 2 and key[0] in NAMED_TABLES and value is not MISSING and not isinstance(value, dict):
         return f"expected a table with a name, such as [{key[0]}.{NAMED_TABLES[key[0]]}]"

@@ -98,7 +98,8 @@ class Counted(Mounted):
                     f'set speed_method = "{method}"',
                 )
         if self.observer_bandwidth is None and self.speed_method == "observer":
-            raise invalid("expected the observer's bandwidth", "observer_bandwidth", value="missing")
+            expected = 'expected this key, since speed_method = "observer", such as "200 Hz"'
+            raise invalid(expected, "observer_bandwidth", value="missing")
         if self.timed and self.latency:
             since = f'speed_method = "{self.speed_method}" times the edges'
             raise excluded("latency", "speed_method", since, 'set speed_method = "M"')

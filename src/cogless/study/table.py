@@ -165,7 +165,7 @@ def _kinds_beside(table: type[Table]) -> tuple[type[Table], ...]:
     """The other tables that a study may have in this table's place."""
     fields = (field for holder in _below(Table) for field in holder.model_fields.values())
     unions = (tuple(_tables_in(field.annotation)) for field in fields)
-    return next((tuple(t for t in kinds if t is not table) for kinds in unions if table in kinds), ())
+    return tuple(dict.fromkeys(t for kinds in unions if table in kinds for t in kinds if t is not table))
 
 
 def _below(table: type[Table]) -> Iterator[type[Table]]:

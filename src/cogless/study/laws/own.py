@@ -56,7 +56,9 @@ class PythonLaw(OwnLaw):
     law: Literal["python"]
     """A class of your own, see [](/guide/own-controller.md)."""
     # "file.py:Class", relative to the study
-    object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
+    object: Annotated[
+        str, Field(pattern=r"^.+\.py:\w+$", examples=['"my_law.py:MyLaw"']), FileName(with_name=True)
+    ]
     """Python file, relative to the study, and the class in it."""
     params: dict[str, Any] = Field(default={})
     """Keyword arguments of the class. A number with a unit is converted to SI."""
