@@ -161,11 +161,12 @@ def command_line(name: str, study: str, changes: list[str] | None, options: list
 
 def load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.design.auto import load
-    from cogless.study.reading import changes_from
+    from cogless.study.reading import changes_from, check_deletions
 
     values = changes_from(changes or ())
+    deleted = check_deletions(study, values)
     loaded = load(study, values)
-    for key in (key for key, value in values.items() if value is None):
+    for key in deleted:
         say(f"Deleted for this command: {key}")
     return loaded
 

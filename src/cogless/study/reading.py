@@ -398,12 +398,7 @@ def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str,
 
 
 def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
-    """Refuse to delete an absent key, and to change an unknown controller or scenario unless as a whole."""
-    for key, value in changes.items():
-        if value is None and look_up(tables, split(key)) is MISSING:
-            raise StudyError(
-                f"{path}: {key}: missing: expected a key of the file, since --set {key}= deletes it"
-            )
+    """Refuse a change to an unknown controller or scenario, unless the changes define it as a whole."""
     for table, needed in (("controller", "law"), ("scenario", "duration")):
         defined = tables.get(table)
         for key, value in changes.items():
@@ -587,6 +582,19 @@ def _is_changed(source: Source, key: Key) -> bool:
 def changes_from(texts: Iterable[str]) -> dict[str, Any]:
     """All `--set KEY=VALUE` options of a command line as a dict; of equal keys the last counts."""
     return dict(parse_change(text) for text in texts)
+
+
+def check_deletions(study: str | Path, changes: Changes) -> list[str]:
+    """The keys that `--set KEY=` deletes; StudyError: the study or its datasheet has no such key."""
+    deleted = [key for key, value in changes.items() if value is None]
+    path = find(study, "studies", "study")
+    tables = with_datasheet(path, read(path)).tables if deleted else {}
+    for key in deleted:
+        if look_up(tables, split(key)) is MISSING:
+            raise StudyError(
+                f"{path}: {key}: missing: expected a key of the file, since --set {key}= deletes it"
+            )
+    return deleted
 
 
 def is_arena(tables: dict[str, Any]) -> bool:
