@@ -118,10 +118,10 @@ def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
 
 def test_orders_that_are_not_learned_may_be_why_learning_does_harm():
     other = my_motor(**{"controller.harmonic.base": 5})
-    assert likely_harm(other, "harmonic").startswith(
+    assert likely_harm(other, "harmonic", "slow").startswith(
         "it learns orders 5, 10 to 500, but the cogging has orders"
     )
-    assert likely_harm(other, "pi") is None
+    assert likely_harm(other, "pi", "slow") is None
 
 
 def test_orders_beyond_the_memory_have_no_base():

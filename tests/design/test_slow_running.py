@@ -85,7 +85,9 @@ def test_edges_that_come_too_rarely_for_the_loop(
     found = warnings.slow_warning(study, "x")
     lines = "drive.position_sensor.lines = 7 (another sensor)"
     ways = f"; {lines} would be enough by calculation" if helps else ""
-    assert (None if found is None else str(found)) == (None if said is None else f"{said}{ways}")
+    assert (None if found is None else str(found)) == (
+        None if said is None else f"in scenario a: {said}{ways}"
+    )
     assert said is None or sorted(tried) == pytest.approx([needed, needed])
     for name in ("sampled", "feedback_of"):
         with monkeypatch.context() as without:

@@ -194,7 +194,7 @@ def test_a_study_of_trials_refuses_a_sensor(tmp_path: Path) -> None:
     with pytest.raises(StudyError) as refused:
         load(path)
     assert str(refused.value).startswith(f"{path}: {SENSOR}: ")
-    assert str(refused.value).endswith("expected no such key in a study of trials")
+    assert str(refused.value).endswith("expected no such key in a study of trials: delete accelerometer")
 
 
 def test_the_ramps_are_of_the_study_printer_s_axis() -> None:

@@ -222,9 +222,14 @@ def test_the_guard_is_told_once_for_all_metrics_of_a_controller(made):
         "the guard held back the learning of PI-ILC from 3.5 to 5.1 s (frozen, gentler or without effect): "
         "a part of its ripple is from this time"
     )
-    assert held_back(made.study, [one]) == held_back(made.study, [one, two, three]) == [said]
+    assert (
+        held_back(made.study, "low-speed", [one])
+        == held_back(made.study, "low-speed", [one, two, three])
+        == [said]
+    )
     other = replace(two, guarded={"fair-pi": "from 1 to 2 s"})
-    assert [text.split(" from ")[0].split(" of ")[1] for text in held_back(made.study, [one, other])] == [
+    both = held_back(made.study, "low-speed", [one, other])
+    assert [text.split(" from ")[0].split(" of ")[1] for text in both] == [
         "PI-ILC", "PI re-tuned",
     ]  # fmt: skip
 
@@ -255,7 +260,9 @@ def test_a_guard_that_held_learning_back_in_a_whole_window_is_told_so(made, monk
         "the guard held back the learning of PI-ILC throughout (frozen, gentler or without effect): all of "
         "its ripple is from this time"
     )
-    assert held_back(made.study, [replace(line(), name="ripple", guarded={"pi-ilc": "throughout"})]) == [text]
+    assert held_back(
+        made.study, "low-speed", [replace(line(), name="ripple", guarded={"pi-ilc": "throughout"})]
+    ) == [text]
 
 
 def test_of_several_misses_the_one_with_the_latest_end_is_told():

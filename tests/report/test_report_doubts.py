@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import drafts
 import pytest
+from commands import cogless
 
+import studies
 from cogless import report
 from cogless.design.answers import doubt
+from cogless.design.auto import load
+from cogless.design.warnings import likely_harm
 from cogless.run.simulate import run_study
 from cogless.study import Study, changed
+from studies import IDEAL
 
 SENTENCE = "In another run, such as with --set seed=1, Harmonic may leave more: "
 
@@ -42,3 +48,50 @@ def test_a_law_that_is_sure_has_no_doubt(coarse: Study, tmp_path: Path) -> None:
     assert doubt(fine, "harmonic", "slow") == "" and doubt(fine, "pi", "slow") == ""
     verdict = report.verdict(run_study(fine), "slow")
     assert verdict is not None and verdict.doubts == []
+
+
+TWO_SPEEDS = f"""title = "Few counts at one of two speeds"
+{IDEAL}
+position_sensor = {{ kind = "encoder", lines = 1024 }}
+[scenario]
+at_60_rpm = {{ duration = "6 s", reference = "60 rpm", initial_speed = "60 rpm" }}
+at_10_rpm = {{ duration = "6 s", reference = "10 rpm", initial_speed = "10 rpm" }}
+[controller]
+pi = {{ law = "pi", kp = "0.05 A*s/rad", ki = "1 A/rad" }}
+harmonic = {{ law = "harmonic", base = 24, kp = "0.05 A*s/rad", ki = "1 A/rad" }}
+pi-ilc = {{ law = "pi-ilc", tuning = {{ rule = "auto" }} }}
+[[metric]]
+name = "ripple"
+kind = "ripple-rms"
+signal = "omega_m"
+last = "2 s"
+unit = "rpm"
+"""
+
+
+def test_a_doubt_below_a_scenario_is_of_this_scenario(tmp_path: Path) -> None:
+    """4096 counts a turn at 1 kHz: 4.1 counts per sample at 60 rpm, and 0.68 at 10 rpm."""
+    study = load(studies.write(tmp_path, TWO_SPEEDS))
+    assert doubt(study, "harmonic", "at_60_rpm") == ""
+    assert doubt(study, "harmonic", "at_10_rpm").startswith("at 10 rpm the position sensor gives 0.68 counts")
+    results = run_study(study)
+    for scenario, other in (("at_60_rpm", "10 rpm"), ("at_10_rpm", "60 rpm")):
+        verdict = report.verdict(results, scenario)
+        assert verdict is not None and not any(other in line for line in verdict.doubts)
+        for name in ("harmonic", "pi-ilc"):
+            assert other not in (likely_harm(study, name, scenario) or "")
+    harm = likely_harm(study, "pi-ilc", "at_10_rpm")
+    assert harm is not None and "at 10 rpm the position sensor gives 0.68 counts" in harm
+
+
+def test_a_warning_below_all_scenarios_names_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = studies.write(tmp_path, TWO_SPEEDS)
+    places = ("--no-limits", "--no-traces", "-o", tmp_path / "out")
+    _, _, err = cogless(capsys, "run", path, "--set", "drive.position_sensor.lines=16", *places)
+    warnings = [line for line in err.splitlines() if "a sensor edge comes every" in line]
+    assert warnings
+    for line in warnings:
+        named = re.search(r"in scenario (at_\d+_rpm): at (\d+) rpm a sensor edge", line)
+        assert named is not None and named[1] == f"at_{named[2]}_rpm", line

@@ -197,7 +197,7 @@ def test_a_ripple_that_is_no_controller_s_is_neither_judged_nor_starred(tmp_path
     ripple = lines["speed_ripple"]
     assert ripple.unjudged and not ripple.best and ripple.ratio("pi-ilc", "pi") is None
     assert not lines["torque_ripple"].unjudged
-    (told,) = (line for line in remarks(moved.study, [*lines.values()]) if "not judged" in line)
+    (told,) = (line for line in remarks(moved.study, "low-speed", [*lines.values()]) if "not judged" in line)
     assert told.startswith("speed ripple") and ripple.unjudged in told
     by_error = room.verdict(moved, runs_in(moved, "low-speed")).headline
     assert ("of error" in by_error) if "varies" in said else by_error == said

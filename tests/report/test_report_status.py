@@ -67,7 +67,9 @@ def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
     inside = [line for line in lines if line.span and line.span[1] > SINCE]
     assert inside and all(set(line.guarded) == set(learning) & set(line.values) for line in inside)
     told = [
-        line for line in remarks(held.study, lines) if line.startswith("the guard held back the learning of")
+        line
+        for line in remarks(held.study, WHERE, lines)
+        if line.startswith("the guard held back the learning of")
     ]
     assert len(told) == len(learning)
     label = held.study.label(learning[0])
@@ -82,7 +84,7 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     name = next(c for c in held.study.controller if held.study.controller[c].learns)
     base = held.study.label(held.study.baseline)
     (plain,) = (line for line in compare(held, WHERE) if line.name == "speed_ripple")
-    harms = replace(DESIGNS["speed"], likely_harm=lambda study, controller: "it learns orders 5 k")
+    harms = replace(DESIGNS["speed"], likely_harm=lambda study, controller, scenario: "it learns orders 5 k")
     monkeypatch.setattr(comparison, "DESIGNS", {**DESIGNS, "speed": harms})
     for times, said in (
         (1.24, "a part of its speed ripple is from this time"),
@@ -90,7 +92,7 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     ):
         line = replace(plain, values={**plain.values, name: times * plain.values[held.study.baseline]})
         line = replace(line, missed={name: "mean 0 of 60 rpm"})
-        (told,) = (one for one in held_back(held.study, [line]) if held.study.label(name) in one)
+        (told,) = (one for one in held_back(held.study, WHERE, [line]) if held.study.label(name) in one)
         assert f": {said}" in told and told.endswith(" (it learns orders 5 k)") is (times > 4)
 
 
@@ -101,7 +103,7 @@ def test_a_law_whose_own_feedback_did_not_run_is_not_said_to_do_harm(made):
     (plain,) = (line for line in compare(held, WHERE) if line.name == "speed_ripple")
     base = plain.values[slower.baseline]
     line = replace(plain, values={**plain.values, "pi-ilc": 2.12 * base})
-    (told,) = (one for one in held_back(slower, [line]) if slower.label("pi-ilc") in one)
+    (told,) = (one for one in held_back(slower, WHERE, [line]) if slower.label("pi-ilc") in one)
     beside = f"its ripple is then 2.12 times the speed ripple of {slower.label(slower.baseline)}"
     assert told.endswith(f": {beside}, which has another feedback") and "harm" not in told
 

@@ -99,7 +99,7 @@ def test_failures_are_counted_and_the_first_is_told() -> None:
         for number, end in enumerate(ends)
     ]
     unfinished: list[Any] = [failed[1]]
-    for outcomes, line in (([failed], "one (and 1 more)"), ([[], failed[:2]], "one")):
+    for outcomes, line in (([failed], "one (and 1 more run failed)"), ([[], failed[:2]], "one")):
         with pytest.raises(simulate.RunError) as error:
             simulate._collected([study] * len(outcomes), outcomes, False)
         assert str(error.value) == line and len(error.value.all_results) == len(outcomes)

@@ -81,5 +81,7 @@ def test_the_learned_error_is_out_of_the_speed(sensor: str, filtered: bool, tmp_
 
 @pytest.mark.parametrize("kind", ["ideal", "hall"])
 def test_a_sensor_without_such_an_error_is_not_corrected(kind: str, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=r"drive\.encoder_table.*: expected no such key, unless drive"):
+    with pytest.raises(
+        StudyError, match=r"drive\.encoder_table.*: expected no such key, since position_sensor"
+    ):
         traced(tmp_path, {"kind": kind}, True)

@@ -348,3 +348,92 @@ def test_where_the_pi_is_best_a_change_is_tried_with_the_law_that_learns_too(stu
 def test_where_the_law_that_learns_is_best_it_alone_is_told(study):
     results = with_limits(run_study(changed(study, PUT_IN["sensor-steps"][1]), jobs=2), jobs=2)
     assert results.limits["turning"].controller == "harmonic" and results.limits["turning"].learner is None
+
+
+# --- advice that one scenario gives and another pays for
+
+GIMBAL = """title = "A gimbal motor at two speeds"
+[motor]
+pole_pairs = 7
+slots = 12
+R_s = "0.5 ohm"
+L_d = "0.4 mH"
+L_q = "0.4 mH"
+K_t = "0.06 N*m/A"
+cogging = [ {order = 84, torque = "20 mN*m"} ]
+[mechanics]
+inertia = "6e-5 kg*m^2"
+coulomb_friction = "1 mN*m"
+[drive]
+rates = { current_loop = "20 kHz", speed_loop = "4 kHz" }
+current_loop = { bandwidth = "1 kHz", current_limit = "8 A" }
+inverter = { bus_voltage = "24 V" }
+position_sensor = { kind = "absolute", bits = 11 }
+[scenario]
+at_60_rpm = { duration = "6 s", reference = "60 rpm", initial_speed = "60 rpm" }
+at_10_rpm = { duration = "8 s", reference = "10 rpm", initial_speed = "10 rpm" }
+[controller.law]
+law = "pi"
+tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+[[metric]]
+name = "ripple"
+kind = "ripple-rms"
+signal = "omega_m"
+last = "3 s"
+unit = "rpm"
+"""
+LEARNING = {"controller.law": {"law": "harmonic", "tuning": {"rule": "auto"}}}
+COGS_LESS = {"motor.cogging": [{"order": 84, "torque": "8 mN*m"}, {"order": 12, "torque": "2 mN*m"}]}
+COARSE = {"drive.position_sensor": {"kind": "encoder", "lines": 1024}, "mechanics.coulomb_friction": "4 mN*m"}
+AT_TWO_SPEEDS = {
+    "a law that reads the steps as motion": {},
+    "friction": {"mechanics.coulomb_friction": "10 mN*m"},
+    "edges that come late": {**LEARNING, **COGS_LESS, **COARSE},
+    "fine steps": {"drive.position_sensor.bits": 14},
+}
+HELD = 0.05  # mean speed error / reference, with which a speed counts as held
+
+
+def left(study: Study, scenario: str) -> float | None:
+    """The ripple in the last 3 s of a run, rad/s; None if the mean speed is off."""
+    trace = simulate(study, scenario, "law").trace
+    late = trace["omega_m"][trace.time > trace.time[-1] - 3.0]
+    reference = study.scenario[scenario].top_reference
+    return float(np.std(late)) if abs(np.mean(late) / reference - 1) < HELD else None
+
+
+@pytest.mark.parametrize("what", AT_TWO_SPEEDS)
+def test_advice_says_what_it_does_to_the_other_scenario(what, tmp_path):
+    """Each advised change is put into the study by hand, and the other scenario is run with it."""
+    study = load(studies.write(tmp_path, GIMBAL), AT_TWO_SPEEDS[what])
+    results = with_limits(run_study(study, jobs=2), jobs=2)
+    advised = 0
+    for scenario, found in results.limits.items():
+        (other,) = {*study.scenario} - {scenario}
+        told, before = limit(results, scenario), left(study, other)
+        for cure in found.advised if told is not None and before is not None else ():
+            after, advised = (
+                left(load(studies.write(tmp_path, GIMBAL), {**AT_TWO_SPEEDS[what], **cure.changes}), other),
+                advised + 1,
+            )
+            if after is None:
+                assert f"; but in {other} law then did not hold the speed" in str(told)
+            elif before <= HELPING_SHARE * after:
+                assert f"; but in {other} law then left {after / before:.3g} times as much" in str(told)
+            else:
+                assert "; but in" not in str(told)
+    assert advised
+
+
+def test_a_change_that_harms_another_scenario_gives_way_to_one_that_does_not(tmp_path):
+    """Timed edges mend 60 rpm. At 10 rpm they come too late for the feedback, and the rotor runs away."""
+    study = load(studies.write(tmp_path, GIMBAL), AT_TWO_SPEEDS["edges that come late"])
+    results = with_limits(run_study(study, jobs=2), jobs=2)
+    found = results.limits["at_60_rpm"]
+    best, setting = found.cures[0], next(cure for cure in found.cures if cure.setting)
+    assert setting.changes == {"drive.position_sensor.speed_method": "MT"} and best.value <= setting.value
+    timed = changed(study, setting.changes)
+    assert left(timed, "at_60_rpm") < HELPING_SHARE * left(study, "at_60_rpm")
+    assert left(timed, "at_10_rpm") is None and [harm.value for harm in setting.harms] == [None]
+    assert found.setting is not setting and found.setting.value > setting.value and not found.setting.harms
+    assert "MT" not in str(limit(results, "at_60_rpm"))

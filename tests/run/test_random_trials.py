@@ -125,9 +125,12 @@ def test_what_is_learned_stands_beside_all_trials_without_learning(
     ("text", "changes", "line"),
     [
         (DRIVE, {f"{MOVE}.each_trial.normal.initial_state": [0.1, 0.1]},
-            "initial_state: {value}: expected no such key for a drive"),
+            "initial_state: {value}: expected no such key, since the plant is a drive: delete initial_state, "
+            "or give initial_angle and initial_speed in its place; initial_state is from --set, drive from "
+            "the file"),
         (LINEAR, {f"{CYCLE}.each_trial.normal.initial_angle": "0.1 rad"},
-            "initial_angle: {value}: expected no such key for a linear plant"),
+            "initial_angle: {value}: expected no such key, since the plant is linear: delete initial_angle, "
+            "or give initial_state in its place; initial_angle is from --set, plant from the file"),
         (LINEAR, {f"{CYCLE}.each_trial.normal.initial_state": [0.1]},
             "initial_state: {value}: expected 2 numbers, one for each state"),
         (LINEAR, {f"{CYCLE}.each_trial.uniform.load": "1 N*m"},
@@ -157,7 +160,7 @@ def test_a_mistake_is_one_line(tmp_path: Path, text: str, changes: dict[str, Any
 def test_a_key_has_one_form(tmp_path: Path) -> None:
     both = {"normal": {"load": "1 N*m"}, "uniform": {"load": "1 N*m"}}
     with pytest.raises(
-        StudyError, match=r"each_trial.uniform.load: .*expected no such key, since normal has it, too"
+        StudyError, match=r"each_trial.uniform.load: .*expected no such key, since normal.load is given"
     ):
         trial_studies.loaded(tmp_path, {f"{MOVE}.each_trial": both})
 

@@ -546,7 +546,7 @@ def test_a_failed_run_leaves_the_other_studies(tmp_path: Path) -> None:
     bad = changed(base, {"controller.mine.object": "laws.py:Nan"})
     with pytest.raises(RunError) as error:
         rollout([base, bad, base, bad], ["low/mine", "low/pi"], jobs=2)
-    assert str(error.value).endswith("(and 1 more)")
+    assert str(error.value).endswith("(and 1 more run failed)")
     found = error.value.all_results
     assert [[run.controller for run in results.runs] for results in found] == [
         ["pi", "mine"],

@@ -109,7 +109,7 @@ def test_a_table_needs_no_commissioning_run_if_it_has_a_start(learned: Any, tmp_
     np.testing.assert_allclose(run.map.values, learned_ripple, atol=1e-7)
     with pytest.raises(StudyError, match=r"tuning = .* or a start"):
         study(tmp_path, "table")
-    with pytest.raises(StudyError, match="expected either calibration or start"):
+    with pytest.raises(StudyError, match="expected no such key, since calibration is given"):
         both = 'calibration = { speed = "1 rad/s", position_gain = 0 }\n'
         study(tmp_path, "table", more=from_map(path, both))
 
@@ -308,7 +308,7 @@ def test_a_torque_is_divided_by_the_torque_constant_that_the_controller_assumes(
     ("given", "expected"),
     [
         ("", "start: expected either map"),
-        ('map = "map.bin", table = "table.csv", sign = "holding"', "start: .*expected either map"),
+        ('map = "map.bin", table = "table.csv", sign = "holding"', "start.table: .*, since map is given"),
         ('table = "table.csv"', 'start.sign: missing: expected "holding" for values'),
         ('map = "map.bin", sign = "holding"', "start.sign: .*expected no such key"),
         ('table = "other.csv", sign = "holding"', 'start.table: "other.csv": expected a readable file'),

@@ -114,7 +114,8 @@ def test_it_has_no_map_to_store_or_to_start_from(tmp_path: Path) -> None:
     with pytest.raises(StudyError) as refused:
         own(tmp_path, {"controller.own": OWN["controller.own"] | {"start": {"map": "a.bin"}}})
     expected = (
-        "expected no such key: what is learned from trial to trial fits only the reference of these trials"
+        "expected no such key, since what is learned from trial to trial fits only the reference of these "
+        "trials: delete start"
     )
     assert str(refused.value).endswith(f"controller.own.start: {expected}")
 

@@ -211,7 +211,8 @@ def test_a_table_is_filled_once() -> None:
         "start": {"map": "stored.map"},
     }
     message = refused(MY_MOTOR, {"controller.table": filled})
-    assert message == "controller.table: expected either calibration or start"
+    expected = "expected no such key, since calibration is given: delete start, or delete calibration"
+    assert message == f"controller.table.start: {expected}"
 
 
 # --- a newcomer's file

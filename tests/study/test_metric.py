@@ -42,9 +42,9 @@ def test_numbers_of_a_metric_are_si_and_its_unit_is_what_is_shown() -> None:
     found = metric(unit="rpm", limit="5 rpm", better="lower")
     assert found.unit == "rpm" and found.limit == pytest.approx(5 * math.pi / 30)
     assert settling(0.1, smooth="2 ms").smooth == pytest.approx(2e-3)
-    with pytest.raises(ValueError, match='expected no such key, since kind is "rms"'):
+    with pytest.raises(ValueError, match='expected no such key, since kind = "rms"'):
         metric(smooth="2 ms")
-    with pytest.raises(ValueError, match='expected no such key, since better is "none"'):
+    with pytest.raises(ValueError, match='expected no such key, since better = "none"'):
         metric(limit="5 rpm", better="none")
 
 

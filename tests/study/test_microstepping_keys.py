@@ -77,8 +77,8 @@ def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
         ('{"current_A_rms": 0, "forward": [], "backward": []}', {},
             "expected the correction.json that cogless identify writes"),
         ("{}", {"current": "1 A"}, 'current: "1 A": expected no such key, since the file contains it'),
-        ("{}", {"forward": [{"order": 1, "magnitude": 0.1}]}, "expected no such key, since forward or "
-                                                              "backward"),
+        ("{}", {"forward": [{"order": 1, "magnitude": 0.1}]}, "expected no such key, since the file "
+                                                              "contains it: delete forward, or"),
     ],
 )  # fmt: skip
 def test_a_wrong_file_is_one_line(

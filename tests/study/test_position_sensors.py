@@ -124,21 +124,24 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
         ({SENSOR: {"kind": "absolute"}},
             "drive.position_sensor: expected either bits, such as 14, or positions, such as 10000"),
         ({SENSOR: {**WORD, "positions": 3}},
-            "drive.position_sensor: expected either bits, such as 14, or positions, such as 10000"),
+            "drive.position_sensor.positions: 3: expected no such key, since bits is given: delete "
+            "positions, or delete bits"),
         ({SENSOR: {**WORD, "speed_method": "MT"}},
             'drive.position_sensor.speed_method: "MT": expected "M", "average" or "observer", perhaps "M"'),
         ({SENSOR: {**WORD, "speed_method": "observer"}},
-            "drive.position_sensor.observer_bandwidth: missing: expected the observer's bandwidth"),
+            'drive.position_sensor.observer_bandwidth: missing: expected this key, since speed_method = '
+            '"observer", such as "200 Hz"'),
         ({SENSOR: {**WORD, "speed_method": "M", "window": 3}},
-            'drive.position_sensor.window: 3: expected no such key, unless speed_method is "average"'),
+            'drive.position_sensor.window: 3: expected no such key, since speed_method = "M": delete window, '
+            'or set speed_method = "average"'),
         ({SENSOR: {**WORD, "latency": "-1 us"}},
             'drive.position_sensor.latency: "-1 us": expected a time of zero or more, such as "1 s"'),
         ({SENSOR: {**WORD, "latency": "7 s"}},
             'drive.position_sensor.latency: "7 s": expected at most 6.66667 s, 100000 periods of the current '
             'loop'),
         ({SENSOR: {**ENCODER, "speed_method": "MT", "latency": "1 us"}},
-            'drive.position_sensor.latency: "1 us": expected no such key, since speed_method "MT" times the '
-            "edges"),
+            'drive.position_sensor.latency: "1 us": expected no such key, since speed_method = "MT" times '
+            'the edges: delete latency, or set speed_method = "M"'),
         ({SENSOR: {**WORD, "error": [{"order": 100, "amplitude": "1 deg"}]}},
             'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected a sum '
             "of all order * amplitude below 1 rad: otherwise the measured angle runs "

@@ -112,7 +112,9 @@ MAGNET = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4
     ("change", "message"),
     [
         ({"step_angle": None}, f"teeth: missing: {TEETH}"),
-        ({"teeth": 50}, f"teeth: 50: {TEETH}"),
+        ({"teeth": 50},
+            'step_angle: "1.8 deg": expected no such key, since teeth is given: delete step_angle, or '
+            'delete teeth'),
         ({"step_angle": "1.7 deg"}, f'step_angle: "1.7 deg": {STEP_ANGLE}'),
         ({"step_angle": "-1.8 deg"}, f'step_angle: "-1.8 deg": {STEP_ANGLE}'),
         ({"step_angle": "0 deg"}, f'step_angle: "0 deg": {STEP_ANGLE}'),
@@ -120,8 +122,10 @@ MAGNET = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4
             "rated_current: missing: expected the direct current of each phase at the holding torque, such "
             'as "1.5 A"'),
         ({"holding_torque": None}, f"L_m: missing: {MAGNET}"),
-        ({"L_m": ["5 mH"]}, f'L_m: ["5 mH"]: {MAGNET}'),
-        ({"L_f": ["5 mH"]}, 'L_f: ["5 mH"]: expected no such key, since detent_torque is given'),
+        ({"L_m": ["5 mH"]}, 'holding_torque: "0.59 N*m": expected no such key, since L_m is given: '
+            "delete holding_torque, or delete L_m"),
+        ({"L_f": ["5 mH"]}, 'L_f: ["5 mH"]: expected no such key, since detent_torque is given: delete L_f, '
+            "or delete detent_torque"),
     ],
 )  # fmt: skip
 def test_words_of_a_step_motor_that_do_not_go_together(
@@ -416,7 +420,9 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
         ({"motor": {**STEP, "L_1": "0.8 mH"}}, 'motor.L_1: "0.8 mH": expected less than L_0'),
         ({"motor": {**STEP, "L_m": []}}, f"motor.L_m: []: {MAGNET}"),
         ({"drive.current_loop": {"kind": "ideal", "current_limit": "3 A"}},
-            "drive.inverter: expected no such key, since the current loop is ideal"),
+            'drive.inverter: expected no such key, since current_loop.kind = "ideal": delete inverter, or '
+            "delete current_loop.kind for a real current loop; inverter is from the file, kind from --set: "
+            "add --set drive.inverter= to delete inverter"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: str) -> None:

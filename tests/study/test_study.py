@@ -162,7 +162,8 @@ def test_a_change_leaves_the_first_study_as_it_was(tmp_path: Path) -> None:
         ("a.b=1 A", ("a.b", "1 A")),
         ("a.b=[1, 2]", ("a.b", [1, 2])),
         ("a.b=true", ("a.b", True)),
-        ("a.b=", ("a.b", "")),
+        ("a.b=", ("a.b", None)),
+        ('a.b=""', ("a.b", "")),
         ("a=x=y", ("a", "x=y")),
         (" a.b = red ", ("a.b", "red")),
         ("a=1\nb=2", ("a", "1\nb=2")),  # no second key: all of it is the value
@@ -555,7 +556,7 @@ def test_a_saturation_file_stands_alone(tmp_path: Path) -> None:
     both = {"q": {"current": CURRENT, "file": "table.csv"}}
     with pytest.raises(
         StudyError,
-        match=r'q\.file: "table.csv": expected no such key, since its values are given in the study',
+        match=r'q\.file: "table.csv": expected no such key, since current is given: delete file',
     ):
         studies.study(tmp_path, {"motor.saturation": both})
 

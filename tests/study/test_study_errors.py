@@ -51,7 +51,8 @@ line_of = partial(refusal, studies.study)
         ("motor.J", "1 kg*m^2", 'motor.J: "1 kg*m^2": expected the key mechanics.inertia instead'),
         ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, file_rate, energy"),
         ("controller.pi.gain", 1,
-            "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
+            'controller.pi.gain: 1: expected no such key, since law = "pi": delete gain, or set law = '
+            '"pi-ilc" or "pi-afc"; gain is from --set, law from the file'),
         ("mechanics", {}, 'mechanics.inertia: missing: expected an inertia above zero, such as "1 kg*m^2"'),
         ("mechanics", 3, "mechanics: 3: expected a table with the keys inertia, viscous_friction, "
                          "coulomb_friction, "
@@ -78,7 +79,7 @@ line_of = partial(refusal, studies.study)
         ("seed", -1, "seed: -1: expected a number of 0 or more"),
         ("motor.pole_pairs", 4.5, "motor.pole_pairs: 4.5: expected a whole number"),
         ("motor.pole_pairs", True, "motor.pole_pairs: true: expected a whole number"),
-        ("metric", 3, "metric: 3: expected an array"),
+        ("metric", 3, "metric: 3: expected an array of tables, written as [[metric]]"),
         # motor
         ("motor.winding", "wye", 'motor.winding: "wye": expected "star" or "delta"'),
         ("motor.cogging", [{"order": 24}],
@@ -127,7 +128,9 @@ line_of = partial(refusal, studies.study)
             'trace.rate: "30 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz; a higher '
             'rate needs drive.inverter.kind = "switched"'),
         ("drive.current_loop.kp", "1 V/A",
-            'drive.current_loop: expected either kp and ki or bandwidth, such as "800 Hz"'),
+            'drive.current_loop.bandwidth: "800 Hz": expected no such key, since kp is given: delete '
+            "bandwidth, or delete kp; bandwidth is from the file, kp from --set: add "
+            "--set drive.current_loop.bandwidth= to delete bandwidth"),
         ("drive.current_loop", {"kp": "1e16 V/A", "ki": "1 V/A/s", "current_limit": "3 A"},
             'drive.current_loop.kp: "1e16 V/A": expected a size that single precision holds, 1e-15 to 1e+15 '
             "in SI units"),
@@ -144,7 +147,8 @@ line_of = partial(refusal, studies.study)
         ("drive.position_sensor", {"lines": 3},
             'drive.position_sensor.kind: missing: expected a kind of sensor, such as "encoder"'),
         ("drive.position_sensor", {"kind": "ideal", "lines": 3},
-            "drive.position_sensor.lines: 3: expected one of side, kind"),
+            'drive.position_sensor.lines: 3: expected no such key, since kind = "ideal": delete lines, or '
+            'set kind = "encoder"'),
         ("drive.position_sensor", {"kind": "encoder", "lines": 0},
             "drive.position_sensor.lines: 0: expected a number of 1 or more"),
         ("drive.inverter.computation_delay", 2, "drive.inverter.computation_delay: 2: expected 0 or 1"),
@@ -175,14 +179,14 @@ line_of = partial(refusal, studies.study)
             {"inertia": "1 g*m^2", "coulomb_friction": "2 mN*m", "breakaway_friction": "1.99 mN*m"},
             'mechanics.breakaway_friction: "1.99 mN*m": expected coulomb_friction or more'),
         ("mechanics.load", {"angle_table": {"angle": ["0 deg"], "file": "a.csv"}},
-            'mechanics.load.angle_table.file: "a.csv": expected no such key, since angle and torque are '
-            'given'),
+            'mechanics.load.angle_table.file: "a.csv": expected no such key, since angle is given: '
+            'delete file, or delete angle and torque'),
         ("mechanics.load", {"angle_table": {"torque": ["1 N*m"], "file": "a.csv"}},
-            'mechanics.load.angle_table.file: "a.csv": expected no such key, since angle and torque are '
-            'given'),
+            'mechanics.load.angle_table.file: "a.csv": expected no such key, since torque is given: '
+            'delete file, or delete angle and torque'),
         ("mechanics.stribeck_speed", "1 rpm",
-            'mechanics.stribeck_speed: "1 rpm": expected 0, unless breakaway_friction is above '
-            "coulomb_friction"),
+            'mechanics.stribeck_speed: "1 rpm": expected no such key, since breakaway_friction is not '
+            "above coulomb_friction: delete stribeck_speed, or raise breakaway_friction"),
         ("mechanics.friction_harmonics", [{"order": 1, "torque": "1 N*m"}],
             'mechanics.friction_harmonics: [{ order = 1, torque = "1 N*m" }]: expected amplitudes '
             "whose sum is at most 0 N*m, so that friction is nowhere negative"),
@@ -244,8 +248,8 @@ line_of = partial(refusal, studies.study)
         ("controller.pi", {"kp": 1},
             "controller.pi.law: missing: expected a law that cogless list shows"),
         ("controller.fair.kp", 1,
-            "controller.fair: expected either kp and ki or tuning, such as "
-            '{ rule = "phase-margin", phase_margin = "60 deg" }'),
+            "controller.fair.tuning: expected no such key, since kp is given: delete tuning, or delete kp; "
+            "tuning is from the file, kp from --set: add --set controller.fair.tuning= to delete tuning"),
         ("controller.fair.tuning.phase_margin", 100,
             'controller.fair.tuning.phase_margin: "100 deg": '
             'expected a phase margin from "20 deg" to "80 deg"'),
@@ -263,9 +267,11 @@ line_of = partial(refusal, studies.study)
         ("controller.t", {**PI, "law": "anti-cogging", "start": {}},
             'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
         ("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", "table": "a.csv"}},
-            'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
+            'controller.t.start.table: "a.csv": expected no such key, since map is given: delete table, or '
+            'delete map'),
         *(("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", key: word}},
-            f'controller.t.start.{key}: "{word}": expected no such key, since a stored map contains it')
+            f'controller.t.start.{key}: "{word}": expected no such key, since the stored map '
+            f"contains it: delete {key}, or give table in place of map")
           for key, word in (("sign", "holding"), ("frame", "mechanical"))),
         ("controller.ilc", {**ILC, "forgetting": 0},
             "controller.ilc.forgetting: 0: expected a number above 0"),
@@ -307,8 +313,9 @@ line_of = partial(refusal, studies.study)
             "metric.1.order: [1, 2000]: expected orders below 1875, half the trace's rate of 15000 Hz "
             'at the top speed of scenario "low"'),
         ("metric.1.order", [], 'metric.1.order: []: expected this key, since kind is "order"'),
-        ("metric.0.band", "1 rpm", 'metric.0.band: "1 rpm": expected no such key, since kind is '
-                                   '"peak-to-peak"'),
+        ("metric.0.band", "1 rpm", 'metric.0.band: "1 rpm": expected no such key, since kind = '
+            '"peak-to-peak": delete band, or set a kind that takes band; band is from --set, kind from the '
+            'file'),
         ("metric.2.event", 0.15, 'metric.2.event: "0.15 s": expected the time of an event in a scenario'),
         ("metric.2.scenarios", ["low"],
             'metric.2.event: "0.1 s": expected the time of an event in scenario "low"'),
@@ -541,14 +548,14 @@ def test_what_the_simulation_can_just_do(
             'number, '
             "so the load's angle does not determine the motor's"),
         ({"drive.rates.position_loop": "1 kHz"},
-            "drive.rates: expected either speed_loop or, in trials, position_loop"),
+            'drive.rates.position_loop: "1 kHz": expected no such key, since speed_loop is given'),
         ({"controller.h": {"law": "harmonic", "base": 24, "kp": "0.02 A*s/rad", "ki": "1 A/rad",
           "position": True}},
             "controller.h.k_theta: missing: expected a gain, since kp and ki are given and position is true"),
         ({"controller.h": {"law": "harmonic", "base": 24, "k_theta": "5 1/s", "kp": "0.02 A*s/rad",
           "ki": "1 A/rad"}},
-            'controller.h.k_theta: "5 1/s": expected no such key, unless position is true and kp and ki are '
-            'given'),
+            'controller.h.k_theta: "5 1/s": expected no such key, since position = false: delete k_theta, or '
+            'set position = true and give kp and ki'),
         ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"], "correlation": 0.5}]}},
             'vary.together.0.keys: ["motor.R_s"]: expected two or more different keys'),
         ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"] * 2, "correlation": 0.5}]}},
@@ -636,7 +643,8 @@ PHASE_OR_LINES = (
             'motor.back_emf_table.between: "phase": expected "line-to-line", '
             "since a delta has no star point"),
         (MAGNET, f'{MAGNET}\nwinding = "delta"\nsaturation = {SATURATION}',
-            "motor.saturation: expected no such key, since the winding is a delta"),
+            'motor.saturation: expected no such key, since winding = "delta": delete saturation, or set '
+            'winding = "star"'),
         (MAGNET, 'K_e_phase_rms = "1 V"',
             'motor.K_e_phase_rms: "1 V": expected a voltage per speed, such as "1 V/rpm"'),
         (RESISTANCE, f'{RESISTANCE}\nresistance_line_to_line = "15.42 ohm"',

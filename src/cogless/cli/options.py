@@ -18,7 +18,7 @@ from cogless.cli.completion import (
     complete_study,
 )
 from cogless.errors import StudyError
-from cogless.lines import print_text
+from cogless.lines import print_text, say
 
 if TYPE_CHECKING:
     from cogless.study import AnyStudy
@@ -58,7 +58,7 @@ SetOption = Annotated[
         metavar="KEY=VALUE",
         autocompletion=complete_change,
         help="Change a value of the study, such as controller.pi.kp=0.02. A number without a unit has the "
-        "unit of the value in the study's file.",
+        "unit of the value in the study's file. KEY= without a value deletes the key.",
     ),
 ]
 
@@ -166,9 +166,14 @@ def command_line(name: str, study: str, changes: list[str] | None, options: list
 
 def load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.design.auto import load
-    from cogless.study.reading import changes_from
+    from cogless.study.reading import changes_from, check_deletions
 
-    return load(study, changes_from(changes or ()))
+    values = changes_from(changes or ())
+    deleted = check_deletions(study, values)
+    loaded = load(study, values)
+    for key in deleted:
+        say(f"Deleted for this command: {key}")
+    return loaded
 
 
 def chosen(study: AnyStudy, controller: str | None) -> str:

@@ -51,7 +51,7 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
             marked |= {*controllers}
         limit = report.limit(results, scenario)
         headline = verdict.headline if verdict is not None else ""
-        reasons = [(remark, remark.partition(": ")[2]) for remark in remarks(study, lines)]
+        reasons = [(remark, remark.partition(": ")[2]) for remark in remarks(study, scenario, lines)]
         sentences = [f"! {remark}" for remark, why in reasons if not why or why not in headline]
         if verdict is not None:
             sentences += [f"! {doubt}" for doubt in verdict.doubts]

@@ -83,4 +83,4 @@ def _part_words(key: str, value: Any) -> str:
 
 def unit_text(value: float, unit: str) -> str:
     """A number in an SI unit, in the study's notation."""
-    return f"{value:{ADVISED_FORMAT}} {unit}"
+    return f"{float(f'{value:{ADVISED_FORMAT}}'):g} {unit}"

@@ -38,7 +38,8 @@ class KindOfDesign:
     certified: bool = False
     forecast: Callable[[Any, str], verdict.Verdict | None] = lambda study, name: None
     feedback: Callable[[Any, str], law_rules.FeedbackNumbers | None] = lambda study, name: None
-    likely_harm: Callable[[Any, str], str | None] = lambda study, name: None
+    # arguments: study, controller, scenario
+    likely_harm: Callable[[Any, str, str], str | None] = lambda study, name, scenario: None
 
 
 def _speed_figures(study: Study, scenario: str, controller: str) -> tuple[dict[str, Any], str]:

@@ -64,6 +64,7 @@ WHITE_DENSITY_MOST = 2.0  # density above which the design says where the steps'
 class Remaining:
     """The speed's ripple at one speed, rad/s rms: of feedback alone, and what learning leaves."""
 
+    scenario: str
     omega_m: float  # rad/s
     alone: float  # the least that the feedbacks of the scenario's controllers leave
     steps: float  # part of the learned ripple that the sensor's steps make
@@ -158,6 +159,7 @@ def _remaining(
     if not source.timed:
         steps_learning, density = _learned_steps(loop, feedbacks[0], source, certified, speed, own.ripple)
     return Remaining(
+        scenario=scenario,
         omega_m=omega,
         alone=min(alone.ripple for alone in (own, *others)),
         steps=own.steps,

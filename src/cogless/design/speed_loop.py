@@ -258,7 +258,7 @@ def _divided(value: Any, factor: float) -> Any:
     """A value divided by a factor; the value is a number, or a text of number and unit."""
     if isinstance(value, str):
         unit = unit_of(value)
-        return f"{float(value.removesuffix(unit)) / factor:.3g} {unit}"
+        return unit_text(float(value.removesuffix(unit)) / factor, unit)
     return float(f"{value / factor:.3g}")
 
 

@@ -285,6 +285,16 @@ def judgement(study: Study, name: str) -> Verdict | None:
     return study.once(_verdict, name)
 
 
+def in_scenario(study: Study, name: str, scenario: str) -> Verdict | None:
+    """The verdict on a controller's learning in one scenario, with the remedy for all; None without learning.
+
+    A scenario that the controller does not run in has no verdict.
+    """
+    of_all = verdict(study, name)
+    own = study.once(_verdict_in, (name, scenario)) if scenario in study.scenarios_of(name) else None
+    return None if own is None or of_all is None else replace(own, remedy=of_all.remedy)
+
+
 def _with_remedy(study: Study, name: str) -> Verdict | None:
     verdict = judgement(study, name)
     if verdict is None:
@@ -401,7 +411,15 @@ def _stable(study: Study, name: str) -> bool:
 
 
 def _verdict(study: Study, name: str) -> Verdict | None:
-    keys = study.scenarios_of(name)
+    return _verdict_over(study, name, study.scenarios_of(name))
+
+
+def _verdict_in(study: Study, of: tuple[str, str]) -> Verdict | None:
+    name, scenario = of
+    return _verdict_over(study, name, [scenario])
+
+
+def _verdict_over(study: Study, name: str, keys: Sequence[str]) -> Verdict | None:
     if loop_type(study, name) is None or not keys:
         return None
     motions = [study.once(_motion, (key, name)) for key in keys]
@@ -457,9 +475,9 @@ def loop_type(study: Study, name: str) -> type[LearningLoop] | None:
     return rules_of(study, name).loop
 
 
-def warnings(study: Study, name: str) -> list[Remark]:
-    """Warnings about a controller's learning before a run, one line each."""
-    judged = verdict(study, name)
+def warnings(study: Study, name: str, scenario: str | None = None) -> list[Remark]:
+    """Warnings about a controller's learning before a run, in one scenario or in all, one line each."""
+    judged = verdict(study, name) if scenario is None else in_scenario(study, name, scenario)
     remarks: list[Remark] = []
     if judged is None:
         return []

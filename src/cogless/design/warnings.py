@@ -64,10 +64,12 @@ def slow_warning(study: Study, name: str) -> Remark | None:
 
     Either the rotor snaps from detent to detent, or the sensor's edges come too rarely.
     """
-    remarks = (
-        _snapping(study, name, key) or _few_edges(study, name, key) for key in study.scenarios_of(name)
-    )
-    return next((remark for remark in remarks if remark is not None), None)
+    keys = study.scenarios_of(name)
+    for key in keys:
+        remark = _snapping(study, name, key) or _few_edges(study, name, key)
+        if remark is not None:
+            return remark.with_key(f"in scenario {key}") if len(keys) > 1 else remark
+    return None
 
 
 def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
@@ -331,9 +333,10 @@ def notes(study: Study, name: str) -> list[Remark]:
     return [remark.with_key(f"controller.{name}") for remark in remarks if remark is not None]
 
 
-def likely_harm(study: Study, name: str) -> str | None:
-    """What the design says of why a controller's learning may do harm; None if nothing."""
-    reason = next(iter(_feedback_and_learning(study, name)), None) or rules_of(study, name).shortfall()
+def likely_harm(study: Study, name: str, scenario: str) -> str | None:
+    """What the design says of why a controller's learning may do harm in a scenario; None if nothing."""
+    reasons = _feedback_and_learning(study, name, scenario)
+    reason = next(iter(reasons), None) or rules_of(study, name).shortfall()
     return None if reason is None else str(reason)
 
 
@@ -460,9 +463,10 @@ def told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesi
     return {f"current loop, {axis}": loop for axis, loop in loops.items()}
 
 
-def _feedback_and_learning(study: Study, name: str) -> list[Remark]:
+def _feedback_and_learning(study: Study, name: str, scenario: str | None = None) -> list[Remark]:
+    """Warnings of a controller's learning, in one scenario or in all, or of its feedback if it has none."""
     if learning.loop_type(study, name) is not None:
-        return learning.warnings(study, name)
+        return learning.warnings(study, name, scenario)
     unstable = unstable_feedback(study, name)
     if not unstable:
         return []

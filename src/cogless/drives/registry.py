@@ -174,6 +174,8 @@ def prepare(
     if drive is None:
         match = recognised(paths[0])
         if match is None:
+            if paths[0].stat().st_size == 0:
+                raise StudyError(f"{paths[0]}: empty: expected a heading and rows of numbers")
             raise StudyError(
                 f"{paths[0]}: its first lines fit no known drive: expected --config FILE that names the "
                 f"columns, or --drive NAME, one of {able_drives('--drive')}"

@@ -64,7 +64,7 @@ class Column(Table):
     """A column of the logs: heading, the files that have it (default: all), unit (default: SI), -1 as `sign`
     where it counts backwards, and a factor."""
 
-    name: str
+    name: str = Field(examples=['"time"'])
     files: Many[str] = ("*",)  # * and ? stand for any letters
     unit: str = ""
     sign: Literal[1, -1] = 1
@@ -155,7 +155,9 @@ class Identification(Table):
             raise invalid("expected a drive.position_sensor with counts", "columns", "theta", "unit")
         if self.drive.current_reference is not None:
             raise invalid(
-                "expected no such key: the torque is taken from i_q alone", "drive", "current_reference"
+                "expected no such key, since the torque is taken from i_q alone: delete current_reference",
+                "drive",
+                "current_reference",
             )
         for index, rule in enumerate(self.log):
             if rule.controller is not None and rule.controller not in self.controller:

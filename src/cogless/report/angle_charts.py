@@ -20,7 +20,7 @@ from cogless.design.law_rules import feedback_of
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import speed_loop
-from cogless.design.verdict import judged, loop_type, verdict
+from cogless.design.verdict import in_scenario, judged, loop_type
 from cogless.errors import StudyError
 from cogless.report.charts import Grown, OverAngle, OverFrequency, Series
 from cogless.report.comparison import pretty, speed_unit
@@ -281,7 +281,7 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
         name, line = run.controller, growth(results, run)
         if in_angle(results, run) is None:
             continue
-        grows = _expected(study, name)
+        grows = _expected(study, name, run.scenario)
         rising = f"grows at {line:.0f} Hz" if line is not None else ""
         if name in worse:
             label = f"{called(study, name)} gets worse with time: until {worse[name]:.0f} s it is"
@@ -293,10 +293,10 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
     return lines
 
 
-def _expected(study: Study, name: str) -> str | None:
-    """What cogless design says of a law's growth; "" if it foresees none, None if it can't say."""
+def _expected(study: Study, name: str, scenario: str) -> str | None:
+    """What cogless design says of a law's growth in a scenario; "" if it foresees none, None if unknown."""
     try:
-        forecast = verdict(study, name)
+        forecast = in_scenario(study, name, scenario)
     except StudyError:
         return None
     if forecast is None or forecast.kind == "rests":

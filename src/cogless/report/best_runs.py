@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from cogless.errors import StudyError
+from cogless.report.comparison import runs_in
 from cogless.report.speed_verdict import Judged, judged, learner, value_in
-from cogless.results import Results
+from cogless.results import Results, Run
 from cogless.results.limits import Limits
 from cogless.results.metrics import result_name
 from cogless.results.runs import LearningOff
-from cogless.run.limit_search import beside_learner, limits
+from cogless.run.limit_search import Elsewhere, beside_learner, limits, without_harm
 from cogless.run.simulate import learning_off
 from cogless.study import AnyStudy
 
@@ -40,6 +41,8 @@ def with_limits(
                 progress(scenario)
             limited = limits(results.study, run, metric, order, jobs, traces)
             if limited is not None:
+                others = [*_elsewhere(results, run, by_scenario, long)]
+                limited = without_harm(results.study, limited, others, jobs, traces)
                 rival = learner(results, best)
                 if rival is not None:
                     holds = rival.controller not in best.line.missed
@@ -48,6 +51,26 @@ def with_limits(
     except KeyboardInterrupt:
         pass
     return replace(results, limits=by_scenario)
+
+
+def _elsewhere(
+    results: Results, run: Run, by_scenario: Mapping[str, Limits], long: bool
+) -> Iterator[Elsewhere]:
+    """One run of each other scenario, to try changes: of the same controller, or else of the best one.
+
+    `by_scenario`: the limits of earlier scenarios. Scenarios with faults are left out, and ones in which no
+    controller holds the speed. `long`: include runs that take long or execute a user's code.
+    """
+    for scenario in results.scenarios:
+        best = judged(results, scenario)
+        if scenario == run.scenario or best is None or results.study.scenario[scenario].faults:
+            continue
+        missed, tried = best.line.missed, by_scenario.get(scenario)
+        runs = [other for other in runs_in(results, scenario) if other.controller == run.controller]
+        other = next((other for other in (*runs, best.run) if other.controller not in missed), None)
+        if other is not None and (long or is_quick(results.study, scenario, other.controller)):
+            own = tried if tried is not None and tried.controller == other.controller else None
+            yield Elsewhere(other, best.metric, best.line.order, own)
 
 
 def with_learning_off(

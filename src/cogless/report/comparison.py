@@ -324,13 +324,13 @@ def guarded(results: Results, run: Run, rows: slice) -> str:
     return f"from {guard_spans[0][0]:.3g} to {guard_spans[-1][1]:.3g} s"
 
 
-def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
-    """Remarks on controllers that missed the speed or learned nothing, a sentence each, without full stop."""
+def remarks(study: StudyBase, scenario: str, lines: Sequence[Line]) -> list[str]:
+    """Remarks on a scenario's controllers that missed the speed or learned nothing, without full stop."""
     idle = {c: why for line in lines for c, why in line.unlearned.items()}
     return [
         *(f"{study.label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()),
         *(f"{study.label(c)} learned nothing: {why}" for c, why in idle.items()),
-        *held_back(study, lines),
+        *held_back(study, scenario, lines),
         *not_judged(lines),
     ]
 
@@ -357,7 +357,7 @@ def error_metric(study: StudyBase) -> Remark:
     )
 
 
-def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
+def held_back(study: StudyBase, scenario: str, lines: Sequence[Line]) -> list[str]:
     """Remarks on controllers whose learning the guard held back in the window of a metric, one for each."""
     by_controller: dict[str, tuple[str, list[Line]]] = {}
     for line in lines:
@@ -365,7 +365,7 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
             by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
         f"the guard held back the learning of {study.label(c)} {when} (frozen, gentler or without effect): "
-        f"{_harm(study, c, within) or _affected(when, within[0])}"
+        f"{_harm(study, scenario, c, within) or _affected(when, within[0])}"
         for c, (when, within) in by_controller.items()
     ]
 
@@ -375,7 +375,7 @@ def _affected(when: str, line: Line) -> str:
     return f"{'all' if when == THROUGHOUT else 'a part'} of its {line.quantity} is from this time"
 
 
-def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
+def _harm(study: StudyBase, scenario: str, controller: str, lines: Sequence[Line]) -> str:
     """How much worse a law is than the same feedback without learning, and why, by design; "" if it isn't.
 
     Without a run of that feedback the effect of learning is unknown. The sentence then compares the law with
@@ -394,7 +394,7 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
     compared = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
     if own is None:
         return f"its ripple is then {compared}, which has another feedback"
-    why = DESIGNS[study.kind].likely_harm(study, controller)
+    why = DESIGNS[study.kind].likely_harm(study, controller, scenario)
     return f"learning does harm here, with {compared}{f' ({why})' if why else ''}"
 
 

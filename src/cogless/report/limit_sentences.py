@@ -9,8 +9,8 @@ from cogless.catalogue import sensor_words
 from cogless.design.changes import SENSOR, SENSOR_BITS
 from cogless.report.comparison import shown_in
 from cogless.report.markup import number
-from cogless.report.verdicts import called, listed, times
-from cogless.results.limits import CAUSES, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Limits
+from cogless.report.verdicts import called, listed, ratio, times
+from cogless.results.limits import CAUSES, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Harm, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
 from cogless.study.messages import dotted, look_up
@@ -43,7 +43,7 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
         text += f" {setting(study, cure.changes)}{_sensor(cure)} left {with_unit(cure.value)}"
-        text += f"{_costs(cure)}.{_of_learner(study, limits, cure, with_unit)}"
+        text += f"{_costs(cure)}{_harms(study, cure)}.{_of_learner(study, limits, cure, with_unit)}"
     return Remark(text, tuple(cure.changes for cure in limits.advised))
 
 
@@ -88,8 +88,20 @@ def _costs(cure: Cure) -> str:
     """The metric that a cure harms most, such as ", but 2.1 times the dip"; "" if it harms none clearly."""
     if not cure.costs:
         return ""
-    name, ratio = max(cure.costs.items(), key=lambda cost: cost[1])
-    return f", but {times(ratio)} the {name}"
+    name, factor = max(cure.costs.items(), key=lambda cost: cost[1])
+    return f", but {times(factor)} the {name}"
+
+
+def _harms(study: StudyBase, cure: Cure) -> str:
+    """What the change does in the scenarios that it makes clearly worse; "" if there are none."""
+    parts = [f"in {harm.scenario} {called(study, harm.controller)} then {_harm(harm)}" for harm in cure.harms]
+    return f"; but {listed(parts)}" if parts else ""
+
+
+def _harm(harm: Harm) -> str:
+    if harm.value is None:
+        return "did not hold the speed"
+    return f"left {times(ratio(harm.value, harm.before))} as much"
 
 
 def _new(study: StudyBase, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:

@@ -365,7 +365,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     case, own = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, line), limited)
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
-    unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, [case.line])]
+    unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, scenario, [case.line])]
     cost = ""
     if len(line.values) < 2 or baseline not in line.values:
         details = ["There is nothing to compare.", own, *unlearned, *_failures(case)]
@@ -382,7 +382,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 
 def _doubts(case: _Case, scenario: str) -> list[str]:
-    """Sentences on winners whose next run may end otherwise, as their design says."""
+    """Sentences on a scenario's winners whose next run may end otherwise, as their design says."""
     return [
         f"In another run, such as with --set seed=1, {case.label(c)} may leave more: {why}."
         for c in case.winners
@@ -394,7 +394,7 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
     """The verdict if only metrics are left that can judge no controller: why, and what to add."""
     why = next(line.unjudged for line in lines if line.unjudged)
     wants = f"; {error_metric(results.study)}" if why == VARIES else ""
-    reasons = remarks(results.study, [replace(line, unjudged="") for line in lines])
+    reasons = remarks(results.study, scenario, [replace(line, unjudged="") for line in lines])
     details = [f"{remark[0].upper()}{remark[1:]}." for remark in reasons]
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 

@@ -41,7 +41,7 @@ def line_table(results: AnyResults, runs: Sequence[Run], lines: Sequence[Line]) 
     body = table_rows((line.title, _cells(line, controllers, results.study.baseline)) for line in lines)
     html = table("numbers", f"Numbers of {scenario}", head, body)
     html = html or note(f"No metric is taken in {scenario}.")
-    return html + reservations(remarks(results.study, lines))
+    return html + reservations(remarks(results.study, scenario, lines))
 
 
 def _cells(line: Line, controllers: Sequence[str], baseline: str) -> str:

@@ -47,13 +47,28 @@ class Cause:
 
 
 @dataclass(frozen=True)
+class Harm:
+    """Another scenario that a change makes clearly worse.
+
+    `before`, `value`: the metric that judges that scenario, of one controller's run, SI. `value` is None if
+    the speed is not held with the change.
+    """
+
+    scenario: str
+    controller: str
+    before: float
+    value: float | None
+
+
+@dataclass(frozen=True)
 class Cure:
     """A change of the study, values by dotted key, that was tried against a cause.
 
     `value`: the metric with the change, SI. `setting`: the change needs no other part, only another number.
     `costs`: other metrics that get clearly worse with the change, each with the ratio to its value before.
     `learner`: the metric of `Limits.learner` with the change, SI; None: that law was not tried, or does not
-    hold the speed.
+    hold the speed. `harms`: the other scenarios that get clearly worse; known only of an advised change, and
+    of the changes that it replaces.
     """
 
     cause: str
@@ -62,6 +77,7 @@ class Cure:
     setting: bool
     costs: Mapping[str, float] = field(default_factory=dict)
     learner: float | None = None
+    harms: Sequence[Harm] = ()
 
     @property
     def of_law(self) -> bool:
@@ -113,7 +129,10 @@ class Limits:
 
     @property
     def setting(self) -> Cure | None:
-        """The best change that needs no other part; None if no such change that was tried helps."""
+        """The best change that needs no other part, if possible without harm to other scenarios.
+
+        None: no such change that was tried helps.
+        """
         return self._best(True)
 
     @property
@@ -128,5 +147,5 @@ class Limits:
         return [cure for cure in (self.setting, self.part) if cure is not None]
 
     def _best(self, setting: bool) -> Cure | None:
-        able = (c for c in self.cures if c.setting is setting and c.value <= HELPING_SHARE * self.value)
-        return next(able, None)
+        able = [c for c in self.cures if c.setting is setting and c.value <= HELPING_SHARE * self.value]
+        return next((cure for cure in able if not cure.harms), next(iter(able), None))

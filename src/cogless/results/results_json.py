@@ -103,6 +103,7 @@ def _limits(results: AnyResults) -> dict[str, Any]:
                     "setting": cure.setting,
                     "costs": dict(cure.costs),
                     **({} if cure.learner is None else {"learner": cure.learner}),
+                    **({"harms": [asdict(harm) for harm in cure.harms]} if cure.harms else {}),
                 }
                 for cure in limited.cures
             ],

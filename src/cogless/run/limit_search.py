@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -25,7 +25,17 @@ from typing import Any
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.limits import AND, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Learner, Limits
+from cogless.results.limits import (
+    AND,
+    HELPING_SHARE,
+    NAMED_MOST,
+    TORQUE_RIPPLE,
+    Cause,
+    Cure,
+    Harm,
+    Learner,
+    Limits,
+)
 from cogless.results.metrics import Value, result_name
 from cogless.run.cures import candidates
 from cogless.run.simulate import RunError, rollout
@@ -96,6 +106,73 @@ def limits(
         untried=untried,
     )
     return replace(limited, cures=_cures(tries, study, run, metric, limited))
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """A run of another scenario that holds its speed, and the metric, with its order, that judges it.
+
+    `tried`: the limits of that run if they are known.
+    """
+
+    run: Run
+    metric: Metric
+    order: float | None = None
+    tried: Limits | None = None
+
+
+def without_harm(
+    study: Study,
+    limited: Limits,
+    others: Sequence[Elsewhere],
+    jobs: int | None = None,
+    traces: Path | None = None,
+) -> Limits:
+    """Return `limited` with the harm that each advised change does to other scenarios.
+
+    A harmful change gives way to the next best, which is tried in the same way.
+    """
+    tries = [(other, _Tries(study, other.run, other.metric, other.order, jobs, traces)) for other in others]
+    checked: dict[str, list[Harm]] = {}
+    while new := [cure for cure in limited.advised if repr(cure.changes) not in checked]:
+        checked |= {repr(cure.changes): [] for cure in new}
+        for other, tries_there in tries:
+            before = tries_there.value_of(other.run.metrics)
+            acting = {repr(cure.changes): _acting(cure, other.run.controller) for cure in new}
+            acting = {key: changes for key, changes in acting.items() if changes and before is not None}
+            values = _values([*acting.values()], other, tries_there)
+            for key, value in zip(acting, values, strict=True):
+                if before is not None and _is_worse(study, other, before, value):
+                    checked[key].append(Harm(other.run.scenario, other.run.controller, before, value))
+        cures = [replace(cure, harms=checked.get(repr(cure.changes), ())) for cure in limited.cures]
+        limited = replace(limited, cures=cures)
+    return limited
+
+
+def _acting(cure: Cure, controller: str) -> dict[str, Any]:
+    """The part of a change that acts on a controller in other scenarios than the change's own."""
+    roots = {key: tuple(map(str, split(key)[:2])) for key in cure.changes}
+    return {
+        key: value
+        for key, value in cure.changes.items()
+        if roots[key][0] in PLANT_TABLES or roots[key] == ("controller", controller)
+    }
+
+
+def _values(of: Sequence[Changes], other: Elsewhere, tries: _Tries) -> list[float | None]:
+    """The metric that judges another scenario, after each change; None: the speed is not held there."""
+    cures = other.tried.cures if other.tried is not None else ()
+    by_changes: dict[str, float | None] = {repr(cure.changes): cure.value for cure in cures}
+    fresh = [changes for changes in of if repr(changes) not in by_changes]
+    for changes, metrics in zip(fresh, tries.metrics(fresh), strict=True):
+        by_changes[repr(changes)] = tries.value_of(metrics)
+    return [by_changes[repr(changes)] for changes in of]
+
+
+def _is_worse(study: Study, other: Elsewhere, before: float, value: float | None) -> bool:
+    """Whether a change leaves so much more in another scenario that the way back would help."""
+    least = max(before, _negligible(study, other.run.scenario, other.metric))
+    return value is None or HELPING_SHARE * value >= least
 
 
 def beside_learner(

@@ -352,7 +352,8 @@ def _collected(
         raise RunDefect(f"{run.scenario}/{run.controller}", finished_ones) from run.outcome
     failures = [error for of_study in errors for error in of_study.values()]
     if failures:
-        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
+        others = len(failures) - 1
+        more = f" (and {others} more run{'s' * (others > 1)} failed)" if others else ""
         first = next(of_study for of_study, failed in zip(results, errors, strict=True) if failed)
         raise RunError(f"{failures[0]}{more}", first, results, errors)
     return results

@@ -21,7 +21,7 @@ from cogless import units
 from cogless.study.laws.law import Base
 from cogless.study.mechanics import Belt
 from cogless.study.metric import Conditions, Metric
-from cogless.study.table import Frequency, Line, Many, Quantity, StudyKeys, Table, dotted_keys, invalid
+from cogless.study.table import Frequency, Key, Line, Many, Quantity, StudyKeys, Table, dotted_keys, invalid
 from cogless.units import ANGLE, ANGULAR_SPEED, Dimension, UnitError, factor, unit_of
 
 
@@ -274,6 +274,7 @@ class Source:
     """Source of a study: path of the file, tables as read (values as texts with units), datasheet path.
 
     `directory`: absolute folder of the file, since a law may change the process's working directory.
+    `changes`: the keys that `--set` changed, or in a scenario's own tables the keys of its override.
     """
 
     path: Path
@@ -281,6 +282,7 @@ class Source:
     datasheet: Path | None = None
     own_motor_keys: frozenset[str] = frozenset()  # keys of [motor] set in the study, not by the datasheet
     directory: Path | None = None
+    changes: frozenset[Key] = frozenset()
 
     @property
     def folder(self) -> Path:

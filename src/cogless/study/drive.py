@@ -36,6 +36,7 @@ from cogless.study.table import (
     VoltageMagnitude,
     check_precision,
     check_sizes,
+    excluded,
     invalid,
 )
 from cogless.units import TURN
@@ -171,7 +172,9 @@ class Rates(Table):
     @model_validator(mode="after")
     def _divide(self) -> Self:
         outer_loops = [name for name in OUTER_LOOPS if getattr(self, name) is not None]
-        if len(outer_loops) != 1:
+        if len(outer_loops) > 1:
+            raise excluded(outer_loops[1], outer_loops[0])
+        if not outer_loops:
             raise invalid("expected either speed_loop or, in trials, position_loop")
         for name in ("current_loop", *outer_loops):
             if getattr(self, name) % 1:
@@ -220,8 +223,10 @@ class CurrentLoop(Table):
 
     @model_validator(mode="after")
     def _gains_or_bandwidth(self) -> Self:
-        gains = (self.kp is not None, self.ki is not None)
-        if gains not in ((True, True), (False, False)) or all(gains) == (self.bandwidth is not None):
+        gains = [key for key in ("kp", "ki") if getattr(self, key) is not None]
+        if gains and self.bandwidth is not None:
+            raise excluded("bandwidth", gains[0], instead=f"delete {' and '.join(gains)}")
+        if len(gains) == 1 or not (gains or self.bandwidth):
             raise invalid('expected either kp and ki or bandwidth, such as "800 Hz"')
         return self
 
@@ -461,18 +466,18 @@ class Drive(Table):
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:
-        if self.ideal and self.inverter is not None:
-            raise invalid("expected no such key, since the current loop is ideal", "inverter")
+        for key in ("inverter", "current_reference", "dead_time_compensation"):
+            if self.ideal and getattr(self, key) is not None:
+                kind, real = ("current_loop", "kind"), "delete current_loop.kind for a real current loop"
+                raise excluded(key, kind, 'current_loop.kind = "ideal"', real)
         if not self.ideal and self.inverter is None:
             raise invalid("expected a table with bus_voltage, ...", "inverter", value="missing")
-        if self.ideal and self.current_reference is not None:
-            raise invalid("expected no such key, since the current loop is ideal", "current_reference")
         if self.bus is not None and self.current_reference is not None:
-            raise invalid("expected no such key, since the law runs behind a bus", "current_reference")
+            raise excluded(
+                "current_reference", "bus", "with bus the law runs outside the drive", "delete bus"
+            )
         if self.dead_time_compensation is None:
             return self
-        if self.ideal:
-            raise invalid("expected no such key, since the current loop is ideal", "dead_time_compensation")
         check_sizes(self.dead_time_compensation, "dead_time_compensation")
         return self
 
@@ -493,8 +498,11 @@ class Drive(Table):
     def _correctable(self) -> Self:
         """Refuse to correct a sensor that has no error by orders of its own revolution."""
         if self.encoder_table is not None and not isinstance(self.position_sensor, Counted):
-            expected = "expected no such key, unless drive.position_sensor is an encoder or a resolver"
-            raise invalid(expected, "encoder_table")
+            kind = ("position_sensor", "kind")
+            since = f'position_sensor.kind = "{self.position_sensor.kind}" has no error over a revolution'
+            raise excluded(
+                "encoder_table", kind, since, 'set position_sensor.kind = "encoder" with its lines'
+            )
         return self
 
     @model_validator(mode="after")

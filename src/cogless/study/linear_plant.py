@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 from cogless import units
 from cogless.control_library import C_LAWS, whole_number
 from cogless.study.metric import OF_LINEAR_PLANTS
-from cogless.study.table import Duration, Many, Table, invalid
+from cogless.study.table import Duration, Many, Table, excluded, invalid
 
 OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -165,6 +165,8 @@ class LinearPlant(Table):
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:
+        if self.A is not None and self.vertex:
+            raise excluded("vertex", "A", instead="delete A and B")
         if (self.A is None) != (self.B is None) or (self.A is None) == (not self.vertex):
             raise invalid(
                 "expected either A and B, or vertex", "A", value="missing" if self.A is None else None
@@ -179,7 +181,7 @@ class LinearPlant(Table):
         for index, vertex in enumerate(self.vertex):
             self._check_shape(vertex.A, vertex.B, "vertex", index)
         if self.vertex and self.parameter:
-            raise invalid("expected no such key, since vertex gives numbers", "parameter")
+            raise excluded("parameter", "vertex", "vertex gives numbers", "give A and B in place of vertex")
         if self.states is not None and len(self.states) != n:
             raise invalid(f"expected {n} names, one for each state", "states")
         if self.noise is not None and len(self.noise) != n:

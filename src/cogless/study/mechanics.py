@@ -29,6 +29,8 @@ from cogless.study.table import (
     Torque,
     TorqueMagnitude,
     ViscousFriction,
+    check_one,
+    excluded,
     invalid,
 )
 from cogless.units import TURN
@@ -64,8 +66,9 @@ class AngleTable(Table):
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
         if self.file is not None:
-            if self.angle or self.torque:
-                raise invalid("expected no such key, since angle and torque are given", "file")
+            for name in ("angle", "torque"):
+                if getattr(self, name):
+                    raise excluded("file", name, instead="delete angle and torque")
             return self._read(info)
         check_table("angle", self.angle, self.torque)
         if self.angle[-1] - self.angle[0] >= TURN * (1 - 1e-9):
@@ -156,7 +159,8 @@ class Mass(Table):
         if self.breakaway < self.coulomb_friction:
             raise invalid("expected coulomb_friction or more", "breakaway_friction")
         if self.stribeck_speed and self.breakaway == self.coulomb_friction:
-            raise invalid("expected 0, unless breakaway_friction is above coulomb_friction", "stribeck_speed")
+            since = "breakaway_friction is not above coulomb_friction"
+            raise excluded("stribeck_speed", "breakaway_friction", since, "raise breakaway_friction")
         return self
 
     @model_validator(mode="after")
@@ -276,9 +280,8 @@ class Belt(Table):
 
     @model_validator(mode="after")
     def _one_word(self) -> Self:
-        if (self.resonance is None) == (self.stiffness is None):
-            expected = 'expected either resonance, such as "75 Hz", or stiffness, such as "110 N/mm"'
-            raise invalid(expected, "resonance", value="missing")
+        expected = 'expected either resonance, such as "75 Hz", or stiffness, such as "110 N/mm"'
+        check_one(self, ("resonance", "stiffness"), expected, "resonance")
         return self
 
     @property
@@ -315,7 +318,7 @@ class Mechanics(Mass):
         if self.belt is None:
             return self
         if self.load_side is not None:
-            raise invalid("expected no such key, since there is a load_side", "belt")
+            raise excluded("belt", "load_side")
         return self.model_copy(update={"load_side": self.belt.load_side})
 
     @property

@@ -47,6 +47,7 @@ MISSING_KINDS = {
     "position_sensor": 'expected a kind of sensor, such as "encoder"',
     "faults": 'expected a kind of fault, such as "angle-missing"',
 }
+ARRAYS_OF_TABLES = (("metric",), ("assumption",))
 NAMED_TABLES = {"scenario": "slow", "controller": "pi"}  # tables of named tables, each with a sample name
 PATTERNS = {
     r"^.+\.py:\w+$": 'expected a file and a class, such as "my_law.py:MyLaw"',
@@ -56,11 +57,16 @@ PATTERNS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake: its key, the value at that key, and what was expected."""
+    """One mistake: its key, the value at that key, and what was expected.
+
+    `by`: a key that excludes the key. `either`: without `by` the key would be right.
+    """
 
     key: Key
     value: str
     expected: str
+    by: Key | None = None
+    either: bool = False
 
     def line(self, file: Path | str, prefix: str = "") -> str:
         """The line to print. `prefix`: text in front of the key."""
@@ -123,7 +129,8 @@ def _place(key: Key, tables: Any) -> list[int]:
 
 def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     context = {"length": length, **details.get("ctx", {})}
-    key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
+    table = _existing(details["loc"], tables)
+    key = table + tuple(context.get("key", ()))
     kind = details["type"]
     if kind.startswith("union_tag"):
         key = (*key, context["discriminator"].strip("'_()"))  # pydantic writes "'law'" or "_kind()"
@@ -134,14 +141,17 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     name = value if isinstance(value, str) else absent
     of_words = kind in OF_WORDS or expected.startswith(ONE_OF)
     meant = perhaps(name, WORDS.findall(expected)) if of_words and name else ""
-    return Problem(key, toml_text(value) if is_present else absent, expected + meant)
+    by = table + tuple(context["by"]) if "by" in context else None
+    return Problem(
+        key, toml_text(value) if is_present else absent, expected + meant, by, context.get("either", False)
+    )
 
 
 def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
     """The expectation for a mistake that is clear from its place in the file; None for other mistakes."""
     if kind == "union_tag_not_found":
         return next((MISSING_KINDS[part] for part in reversed(key) if part in MISSING_KINDS), None)
-    if kind == "tuple_type" and isinstance(value, dict):
+    if kind == "tuple_type" and (isinstance(value, dict) or key in ARRAYS_OF_TABLES):
         return f"expected an array of tables, written as [[{dotted(key)}]]"
     if len(key) == 2 and key[0] in NAMED_TABLES and value is not MISSING and not isinstance(value, dict):
         return f"expected a table with a name, such as [{key[0]}.{NAMED_TABLES[key[0]]}]"

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from cogless import units
 from cogless.control_library import C_LAWS
 from cogless.signals import RECORDED, dimensions
-from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
+from cogless.study.table import Duration, Many, Quantity, Table, Time, excluded, invalid
 from cogless.units import Dimension
 
 OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals that linear plants have and drives lack
@@ -151,7 +151,10 @@ class Metric(Table):
         if value is None or dimension is None:
             return value
         if info.data.get("better") == "none":
-            raise invalid('expected no such key, since better is "none"')
+            raise invalid(
+                'expected no such key, since better = "none": delete limit, or set better = "lower" or '
+                '"higher"'
+            )
         return Quantity(dimension, bare=not dimension.unit).read(value)
 
     @field_validator("unit")
@@ -182,7 +185,7 @@ class Metric(Table):
                 raise invalid(f'expected this key, since kind is "{self.kind}"', key, value="missing")
             optional = key == "event" or (key == "smooth" and self.kind in AT_AN_EVENT)
             if not needed and not optional and getattr(self, key) is not None:
-                raise invalid(f'expected no such key, since kind is "{self.kind}"', key)
+                raise excluded(key, "kind", f'kind = "{self.kind}"', f"set a kind that takes {key}")
         if self.kind == "carriage-ripple" and self.signal not in OF_A_CARRIAGE:
             raise invalid(f"expected {' or '.join(OF_A_CARRIAGE)}", "signal")
         if self.last is not None and (self.window, self.event) != (None, None):

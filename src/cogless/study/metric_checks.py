@@ -239,4 +239,6 @@ def of_trials(study: TrialStudy) -> None:
             raise invalid(f"expected a kind for studies of trials: {kind_names}", "metric", index, "kind")
         for key in OVER_TIME:
             if getattr(metric, key) is not None:
-                raise invalid("expected no such key in a study of trials", "metric", index, key)
+                raise invalid(
+                    f"expected no such key in a study of trials: delete {key}", "metric", index, key
+                )

@@ -48,6 +48,8 @@ from cogless.study.table import (
     Table,
     Torque,
     TorqueConstant,
+    check_one,
+    excluded,
     invalid,
 )
 
@@ -95,8 +97,8 @@ class TorqueRipple(Table):
 
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:
-        if (self.percent is None) == (self.percent_peak_to_peak is None):
-            raise invalid("expected either percent, such as 1.5, or percent_peak_to_peak")
+        expected = "expected either percent, such as 1.5, or percent_peak_to_peak"
+        check_one(self, ("percent", "percent_peak_to_peak"), expected)
         return self
 
     @property
@@ -127,9 +129,8 @@ class Cogging(Table):
 
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:
-        if [self.torque, self.torque_peak_to_peak, self.current].count(None) != 2:
-            expected = 'torque, such as "4 mN*m", torque_peak_to_peak, or current, such as "0.2 A"'
-            raise invalid(f"expected either {expected}")
+        expected = 'torque, such as "4 mN*m", torque_peak_to_peak, or current, such as "0.2 A"'
+        check_one(self, ("torque", "torque_peak_to_peak", "current"), f"expected either {expected}")
         return self
 
     def as_torque(self, K_t: float) -> CoggingTorque:
@@ -261,7 +262,7 @@ class Motor(Table):
             check_agreement(by_word)
         if self.saturation is not None:
             if self.winding == "delta":
-                raise invalid("expected no such key, since the winding is a delta", "saturation")
+                raise excluded("saturation", "winding", 'winding = "delta"', 'set winding = "star"')
             star = self.star()
             self.saturation.check(star.L_d, star.L_q)
         return self
@@ -444,21 +445,19 @@ class StepMotor(Table):
 
     @model_validator(mode="after")
     def _one_word_each(self) -> Self:
-        if (self.teeth is None) == (self.step_angle is None):
-            expected = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
-            raise invalid(expected, "teeth", value="missing")
+        expected = 'expected either teeth, such as 50, or step_angle, such as "1.8 deg"'
+        check_one(self, ("teeth", "step_angle"), expected, "teeth")
         if self.step_angle is not None and not teeth_of(self.step_angle):
             raise invalid(
                 'expected 360 deg divided by four times the number of teeth, such as "1.8 deg"', "step_angle"
             )
-        if bool(self.L_m) == (self.holding_torque is not None):
-            expected = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
-            raise invalid(expected, "L_m", value="missing")
+        expected = 'expected either L_m, such as ["5 mH"], or holding_torque, such as "0.4 N*m"'
+        check_one(self, ("L_m", "holding_torque"), expected, "L_m")
         if self.holding_torque is not None and self.rated_current is None:
             expected = 'expected the direct current of each phase at the holding torque, such as "1.5 A"'
             raise invalid(expected, "rated_current", value="missing")
         if self.L_f and self.detent_torque is not None:
-            raise invalid("expected no such key, since detent_torque is given", "L_f")
+            raise excluded("L_f", "detent_torque")
         return self
 
     @model_validator(mode="after")

@@ -29,11 +29,8 @@ def integration(study: Study) -> None:
     begun, at = max((abs(of.initial_speed), f"{name}.initial_speed") for name, of in study.scenario.items())
     most, why = voltage_reach(study), ""
     if asked_top > most:
-        reachable, reference = most / RPM, asked_top / RPM
-        why = (
-            f"; at the bus voltage the motor reaches {reachable:.4g} rpm without load, not {reference:.4g} "
-            "rpm"
-        )
+        reachable, reference = (speed_text_rpm(speed) for speed in (most, asked_top))
+        why = f"; at the bus voltage the motor reaches {reachable} without load, not {reference}"
     reached = min(asked_top, OVERMODULATION_MOST * most)
     top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(asked_top, asked))
     rates_of_plant = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
@@ -44,7 +41,12 @@ def integration(study: Study) -> None:
 
 def top_speed(omega_m: float, key: str) -> str:
     """Text that names a top speed, rad/s, in a message. `key`: key below [scenario] with this speed."""
-    return f"the {omega_m / RPM:.4g} rpm of scenario.{key}"
+    return f"the {speed_text_rpm(omega_m)} of scenario.{key}"
+
+
+def speed_text_rpm(omega_m: float) -> str:
+    """A speed, rad/s, in four digits of r/min, without an exponent up to a million."""
+    return f"{float(f'{omega_m / RPM:.4g}'):g} rpm"
 
 
 def no_load_speed(bus_voltage: float, motor: StarMotor, psi_f: float) -> float:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from cogless.study.csv_table import OverAngle, read
-from cogless.study.table import Angle, File, Frequency, Many, Table, Time, invalid
+from cogless.study.table import Angle, File, Frequency, Many, Table, Time, check_one, excluded, invalid
 from cogless.units import ANGLE
 
 ORDER_MAX = 1000  # highest order of a sensor's error
@@ -92,13 +92,18 @@ class Counted(Mounted):
         for key, method in (("observer_bandwidth", "observer"), ("window", "average")):
             is_set = key in self.model_fields_set and getattr(self, key) is not None
             if is_set and self.speed_method != method:
-                raise invalid(f'expected no such key, unless speed_method is "{method}"', key)
+                raise excluded(
+                    key,
+                    "speed_method",
+                    f'speed_method = "{self.speed_method}"',
+                    f'set speed_method = "{method}"',
+                )
         if self.observer_bandwidth is None and self.speed_method == "observer":
-            raise invalid("expected the observer's bandwidth", "observer_bandwidth", value="missing")
+            expected = 'expected this key, since speed_method = "observer", such as "200 Hz"'
+            raise invalid(expected, "observer_bandwidth", value="missing")
         if self.timed and self.latency:
-            raise invalid(
-                f'expected no such key, since speed_method "{self.speed_method}" times the edges', "latency"
-            )
+            since = f'speed_method = "{self.speed_method}" times the edges'
+            raise excluded("latency", "speed_method", since, 'set speed_method = "M"')
         slope = sum(abs(part["order"] * part["amplitude"]) for part in self.orders)
         if slope >= 1:
             expected = "expected a sum of all order * amplitude below 1 rad"
@@ -252,8 +257,9 @@ class Absolute(Counted):
 
     @model_validator(mode="after")
     def _bits_or_positions(self) -> Self:
-        if (self.bits is None) == (self.positions is None):
-            raise invalid("expected either bits, such as 14, or positions, such as 10000")
+        check_one(
+            self, ("bits", "positions"), "expected either bits, such as 14, or positions, such as 10000"
+        )
         return self
 
     @property

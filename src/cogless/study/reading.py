@@ -148,7 +148,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     source = with_datasheet(path, tables)
     _check_names(path, source.tables, changes)
     _apply(f"{path}: ", source.tables, changes)
-    return checked(_replaced(source, source.tables, changes))
+    return checked(_marked(_replaced(source, source.tables, changes), changes))
 
 
 def changed(study: AStudy, changes: Changes) -> AStudy:
@@ -193,16 +193,21 @@ def _in_scenario(study: Study, like: Study | None, scenario: str) -> Study:
     ]
     tables.pop("calibration", None)
     before = None if like is None else like._scenarios.get(scenario)
-    return _validated(Study, _replaced(study.source, tables), prefix, before)
+    return _validated(Study, _marked(_replaced(study.source, tables), experiment.override), prefix, before)
 
 
 def parse_change(text: str) -> tuple[str, Any]:
-    """Key and value of the text KEY=VALUE of a `--set` option; a VALUE that isn't valid TOML is a string."""
+    """Key and value of the text KEY=VALUE of a `--set` option; a VALUE that isn't valid TOML is a string.
+
+    An empty VALUE becomes None, which deletes the key.
+    """
     key, separator, value = text.partition("=")
     if not separator or not key.strip():
         raise StudyError(f"--set: {toml_text(text)}: expected KEY=VALUE, such as controller.pi.kp=0.02")
     if not text.isprintable() and any("\ud800" <= character <= "\udfff" for character in text):
         raise StudyError(f"--set: {toml_text(text)}: expected UTF-8")
+    if not value.strip():
+        return key.strip(), None
     try:
         parsed = _toml(f"value = {value}")
     except ValueError:
@@ -288,11 +293,14 @@ def _unquoted(text: str, message: str) -> str:
 
 
 def put(tables: dict[str, Any], key: str, value: Any) -> None:
-    """Set the value at a dotted key, and create missing tables on the way.
+    """Set the value at a dotted key, and create missing tables on the way; None deletes the key.
 
     A plain number takes the unit of the text that it replaces.
     """
     path = split(key)
+    if value is None:
+        _delete(tables, path)
+        return
     inner: Any = tables
     for depth, part in enumerate(path[:-1]):
         value_there = look_up(inner, (part,))
@@ -316,6 +324,12 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
         raise StudyError(f"{key}: {toml_text(value)}: {_index_hint(inner, path[:-1])}")
     else:
         raise StudyError(f"{key}: {toml_text(value)}: expected a key of the study")
+
+
+def _delete(tables: dict[str, Any], path: Key) -> None:
+    inner, last = look_up(tables, path[:-1]), path[-1]
+    if look_up(inner, (last,)) is not MISSING:
+        del inner[str(last) if isinstance(inner, dict) else last]
 
 
 def _index_hint(array: list[Any], key: Key) -> str:
@@ -355,7 +369,7 @@ def _apply(where: str, tables: dict[str, Any], changes: Changes) -> None:
         parts = split(key)
         _own(tables, parts[:-1])
         motor = tables.get("motor")
-        if len(parts) == 2 and parts[0] == "motor" and isinstance(motor, dict):
+        if len(parts) == 2 and parts[0] == "motor" and isinstance(motor, dict) and value is not None:
             for other in replaced_by(str(parts[1])):
                 motor.pop(other, None)
         try:
@@ -434,6 +448,11 @@ def _replaced(source: Source, tables: dict[str, Any], changes: Iterable[str] = (
     datasheet = None if () in in_motor else source.datasheet
     own = source.own_motor_keys.union(*in_motor)
     return replace(source, tables=tables, datasheet=datasheet, own_motor_keys=own)
+
+
+def _marked(source: Source, changes: Changes) -> Source:
+    """The source, which says which keys were changed, for messages."""
+    return replace(source, changes=frozenset(map(split, changes)))
 
 
 def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
@@ -531,12 +550,51 @@ def _line(problem: Problem, source: Source, prefix: str) -> str:
     in_datasheet = source.datasheet and not prefix and key[:1] == ("motor",) and len(key) > 1
     if in_datasheet and source.datasheet and key[1] not in source.own_motor_keys:
         return replace(problem, key=key[1:]).line(source.datasheet)
-    return problem.line(source.path, prefix)
+    return problem.line(source.path, prefix) + _origins(problem, source, prefix)
+
+
+def _origins(problem: Problem, source: Source, prefix: str) -> str:
+    """Where a key and the key that excludes it come from, and how to delete the file's; "" if alike."""
+    key, by = problem.key, problem.by
+    if by is None or look_up(source.tables, by) is MISSING:
+        return ""
+    of_key, of_other = (_is_changed(source, path) for path in (key, by))
+    if of_key == of_other:
+        return ""
+    change = "the override" if prefix else "--set"
+    own, other = (change if changed else "the file" for changed in (of_key, of_other))
+    origins = f"; {key[-1]} is from {own}, {by[-1]} from {other}"
+    if of_key and not problem.either:
+        return origins
+    of_file = by if of_key else key
+    if prefix:
+        return f"{origins}: give the override the whole table {dotted(of_file[:-1])}, without {of_file[-1]}"
+    return f"{origins}: add --set {dotted(of_file)}= to delete {of_file[-1]}"
+
+
+def _is_changed(source: Source, key: Key) -> bool:
+    """Whether `--set`, or a scenario's override, gave the value at a key, or a table around or within it."""
+    path = tuple(map(str, key))
+    changes = (tuple(map(str, change)) for change in source.changes)
+    return any(change[: len(path)] == path[: len(change)] for change in changes)
 
 
 def changes_from(texts: Iterable[str]) -> dict[str, Any]:
     """All `--set KEY=VALUE` options of a command line as a dict; of equal keys the last counts."""
     return dict(parse_change(text) for text in texts)
+
+
+def check_deletions(study: str | Path, changes: Changes) -> list[str]:
+    """The keys that `--set KEY=` deletes; StudyError: the study or its datasheet has no such key."""
+    deleted = [key for key, value in changes.items() if value is None]
+    path = find(study, "studies", "study")
+    tables = with_datasheet(path, read(path)).tables if deleted else {}
+    for key in deleted:
+        if look_up(tables, split(key)) is MISSING:
+            raise StudyError(
+                f"{path}: {key}: missing: expected a key of the file, since --set {key}= deletes it"
+            )
+    return deleted
 
 
 def is_arena(tables: dict[str, Any]) -> bool:

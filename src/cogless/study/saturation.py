@@ -25,6 +25,8 @@ from cogless.study.table import (
     Temperature,
     TemperatureCoefficient,
     ThermalResistance,
+    check_one,
+    excluded,
     invalid,
 )
 from cogless.units import CURRENT, FLUX_LINKAGE, INDUCTANCE, Dimension
@@ -52,8 +54,9 @@ class CurrentFile(Table):
         """The table with the values of its file, if it has one."""
         if self.file is None or not info.context:
             return self
-        if any(getattr(self, name) for name in ("current", *columns)):
-            raise invalid("expected no such key, since its values are given in the study", "file")
+        for name in ("current", *columns):
+            if getattr(self, name):
+                raise excluded("file", name)
         column = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
         return self.model_copy(update={"current": tuple(column.along), column.name: tuple(column.value)})
 
@@ -86,8 +89,7 @@ class OverCurrent(CurrentFile):
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
         self = self._with_file(info, {"flux": FLUX_LINKAGE, "inductance": INDUCTANCE})
-        if (self.flux is None) == (self.inductance is None):
-            raise invalid("expected either flux or inductance")
+        check_one(self, ("flux", "inductance"), "expected either flux or inductance")
         name = "inductance" if self.flux is None else "flux"
         self._check(self.flux or self.inductance or (), name)
         if any(L <= 0 for L in self.inductance or ()):

@@ -26,6 +26,7 @@ from cogless.study.table import (
     Torque,
     Voltage,
     dotted_keys,
+    excluded,
     invalid,
 )
 
@@ -140,7 +141,10 @@ class TorqueMode(Table):
 
     @model_validator(mode="after")
     def _one_current(self) -> Self:
-        if len({"current", "profile"} & self.model_fields_set) != 1:
+        forms = {"current", "profile"} & self.model_fields_set
+        if len(forms) == 2:
+            raise excluded("profile", "current")
+        if not forms:
             raise invalid("expected either current or profile")
         if any(b <= a for (a, _), (b, _) in pairwise(self.profile)):
             raise invalid("expected points, each later than the previous one", "profile")

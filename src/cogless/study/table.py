@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import unicodedata
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import UnionType
@@ -49,6 +49,28 @@ def invalid(expected: str, *key: str | int, value: Any = None) -> PydanticCustom
     `value`: shown in the message if the file has nothing at that key.
     """
     return PydanticCustomError("study", "{expected}", {"expected": expected, "key": key, "value": value})
+
+
+def excluded(key: str | Key, by: str | Key, since: str = "", instead: str = "") -> PydanticCustomError:
+    """Make the error of a key that another key, `by`, excludes, with what to do about it.
+
+    `since`: the reason; by default that `by` is given. `instead`: the change, other than deleting `key`, that
+    ends the conflict; by default to delete `by`. Both keys are within the table that the validator checks.
+    """
+    path, other = (part if isinstance(part, tuple) else (part,) for part in (key, by))
+    since, ways = since or f"{other[-1]} is given", instead or f"delete {other[-1]}"
+    expected = f"expected no such key, since {since}: delete {path[-1]}, or {ways}"
+    context = {"expected": expected, "key": path, "by": other, "either": ways.startswith("delete")}
+    return PydanticCustomError("study", "{expected}", context)
+
+
+def check_one(table: Table, keys: Sequence[str], expected: str, at: str = "") -> None:
+    """Refuse a table with none of these keys, or with two. `at`: the key that is missing if none is there."""
+    present = [key for key in keys if getattr(table, key) not in (None, ())]
+    if len(present) > 1:
+        raise excluded(present[1], present[0])
+    if not present:
+        raise invalid(expected, at, value="missing") if at else invalid(expected)
 
 
 class Table(BaseModel):
@@ -103,12 +125,17 @@ def _required(table: type[Table]) -> frozenset[str]:
     return frozenset(key for key, field in table.model_fields.items() if field.is_required())
 
 
+TAGS = ("kind", "law")  # keys whose value says which keys a table has
+KINDS_NAMED = 4  # largest number of kinds that a message names
+
+
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
     """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
     keys = list(table.model_fields)
     near = {key: _meant(key, keys) for key in data if key not in keys}
     errors = [
-        invalid(table.other_word(key, data[key]) or _suggestion(meant, keys), key, value="unknown key")
+        _of_another_kind(table, key, data)
+        or invalid(table.other_word(key, data[key]) or _suggestion(meant, keys), key, value="unknown key")
         for key, meant in near.items()
     ]
     meant_by_any = {name for meant in near.values() for name in meant}
@@ -119,6 +146,39 @@ def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetai
         if field.is_required() and key not in data and key not in meant_by_any:
             errors.append(invalid(f"expected {_expected_value(key, field)}", key, value="missing"))
     return [InitErrorDetails(type=error, input=data) for error in errors]
+
+
+def _of_another_kind(table: type[Table], key: str, data: dict[str, Any]) -> PydanticCustomError | None:
+    """The error of a key that other kinds of this table have; None: no kind has it, or there is only one."""
+    tag = next((tag for tag in TAGS if tag in table.model_fields), None)
+    others = [kind for kind in _kinds_beside(table) if key in kind.model_fields]
+    if tag is None or not others:
+        return None
+    fields = [kind.model_fields[tag].annotation for kind in others if tag in kind.model_fields]
+    names = [f'"{name}"' for field in fields for name in get_args(field)]
+    named = f"{tag} = {' or '.join(names)}" if len(names) <= KINDS_NAMED else f"a {tag} that takes {key}"
+    return excluded(key, tag, f'{tag} = "{data[tag]}"', f"set {named}" if names else f"delete {tag}")
+
+
+@cache
+def _kinds_beside(table: type[Table]) -> tuple[type[Table], ...]:
+    """The other tables that a study may have in this table's place."""
+    fields = (field for holder in _below(Table) for field in holder.model_fields.values())
+    unions = (tuple(_tables_in(field.annotation)) for field in fields)
+    return tuple(dict.fromkeys(t for kinds in unions if table in kinds for t in kinds if t is not table))
+
+
+def _below(table: type[Table]) -> Iterator[type[Table]]:
+    for inner in table.__subclasses__():
+        yield inner
+        yield from _below(inner)
+
+
+def _tables_in(annotation: Any) -> Iterator[type[Table]]:
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _tables_in(inner)
 
 
 def _expected_value(key: str, field: FieldInfo) -> str:

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, metric_checks, numerics
 from cogless.study.drive import TRACE_ROWS_MOST
-from cogless.study.table import invalid
+from cogless.study.table import Key, excluded, invalid
 from cogless.study.trial_study import Deviations, TrialConditions, WithUnit
 
 if TYPE_CHECKING:
@@ -31,7 +31,8 @@ def plant(study: TrialStudy) -> None:
     drive = {"motor": study.motor, "mechanics": study.mechanics, "drive": study.drive}
     for key, table in drive.items():
         if study.plant is not None and table is not None:
-            raise invalid("expected no such key, since there is a linear plant", key)
+            since = "there is a table plant, a linear plant without a drive"
+            raise excluded(key, "plant", since, "delete plant")
         if study.plant is None and table is None:
             raise invalid(
                 "expected this table, or plant in place of motor, mechanics and drive", key, value="missing"
@@ -56,9 +57,8 @@ def corners(study: TrialStudy) -> None:
 def ranges(study: TrialStudy) -> None:
     """Refuse design.range for a linear plant, whose parameters' ranges belong in plant.parameter."""
     if study.plant is not None and study.design.range:
-        raise invalid(
-            "expected no such key: a linear plant has its ranges in plant.parameter", "design", "range"
-        )
+        since, instead = "there is a linear plant", "give plant.parameter.NAME.range in its place"
+        raise excluded(("design", "range"), "plant", since, instead)
 
 
 def samples(study: TrialStudy) -> None:
@@ -107,9 +107,7 @@ def conditions(study: TrialStudy) -> None:
         for phase, where in places:
             for key in ("load", "initial_angle", "initial_speed") if linear else ("initial_state",):
                 if getattr(phase, key) is not None:
-                    raise invalid(
-                        f"expected no such key for a {'linear plant' if linear else 'drive'}", *where, key
-                    )
+                    raise _for_another_plant(linear, where, key)
             if phase.initial_state is not None and len(phase.initial_state) != study.states:
                 raise invalid(f"expected {study.states} numbers, one for each state", *where, "initial_state")
             for form in ("normal", "uniform") if phase.each_trial is not None else ():
@@ -132,12 +130,23 @@ def conditions(study: TrialStudy) -> None:
             _start(study, name, phase, where)
 
 
+def _for_another_plant(linear: bool, where: Key, key: str) -> PydanticCustomError:
+    """The error of a condition that only the other kind of plant has."""
+    if not linear:
+        since, instead = "the plant is a drive", "give initial_angle and initial_speed"
+    elif key == "load":
+        since, instead = "the plant is linear", "give load_steps"
+    else:
+        since, instead = "the plant is linear", "give initial_state"
+    return excluded((*where, key), "plant" if linear else "drive", since, f"{instead} in its place")
+
+
 def _deviations(study: TrialStudy, deviations: Deviations, where: tuple[str | int, ...]) -> None:
     """Check that deviations suit the kind of plant."""
     linear = study.plant is not None
     for key in ("initial_angle", "initial_speed") if linear else ("initial_state",):
         if getattr(deviations, key) is not None:
-            raise invalid(f"expected no such key for a {'linear plant' if linear else 'drive'}", *where, key)
+            raise _for_another_plant(linear, where, key)
     if deviations.initial_state is not None and len(deviations.initial_state) != study.states:
         raise invalid(f"expected {study.states} numbers, one for each state", *where, "initial_state")
     if deviations.load is not None and isinstance(deviations.load, WithUnit) == linear:
@@ -202,8 +211,8 @@ def controllers(study: TrialStudy) -> None:
             raise invalid(expected, "controller", name, "law")
         elif controller.begins_with is not None:
             expected = (
-                "expected no such key: what is learned from trial to trial fits only the reference of these "
-                "trials"
+                "expected no such key, since what is learned from trial to trial fits only the reference of "
+                "these trials: delete start"
             )
             raise invalid(expected, "controller", name, "start")
 
@@ -226,7 +235,8 @@ def no_accelerometer(study: TrialStudy) -> None:
     """Refuse an accelerometer: only runs of speed studies have its logs."""
     belt = None if study.mechanics is None else study.mechanics.belt
     if belt is not None and belt.accelerometer is not None:
-        raise invalid("expected no such key in a study of trials", "mechanics", "belt", "accelerometer")
+        expected = "expected no such key in a study of trials: delete accelerometer"
+        raise invalid(expected, "mechanics", "belt", "accelerometer")
 
 
 Check = Callable[["TrialStudy"], None]

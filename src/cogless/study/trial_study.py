@@ -33,6 +33,7 @@ from cogless.study.table import (
     Table,
     Time,
     dotted_keys,
+    excluded,
     invalid,
 )
 
@@ -122,7 +123,9 @@ class EachTrial(Table):
     @model_validator(mode="after")
     def _one_form(self) -> Self:
         for key in self.uniform.model_fields_set & self.normal.model_fields_set:
-            raise invalid("expected no such key, since normal has it, too", "uniform", key)
+            raise excluded(
+                ("uniform", key), ("normal", key), f"normal.{key} is given", f"delete normal.{key}"
+            )
         return self
 
     def form_of(self, key: str) -> tuple[str, Any]:

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from cogless.study.drive import TRACE_ROWS_MOST
 from cogless.study.laws.law import MAP_CELLS_MOST, Commissioning, Feedback, LawLoop, Startable, StudyOfLaws
-from cogless.study.table import StartTime, invalid
+from cogless.study.table import StartTime, check_one, invalid
 
 NOT_FILLED = (
     'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" } '
@@ -40,8 +40,7 @@ class AntiCogging(Feedback, Startable):
 
     @model_validator(mode="after")
     def _filled_once(self) -> Self:
-        if (self.calibration is None) == (self.start is None):
-            raise invalid(NOT_FILLED if self.start is None else "expected either calibration or start")
+        check_one(self, ("calibration", "start"), NOT_FILLED)
         return self
 
     @property

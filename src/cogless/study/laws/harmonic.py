@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from cogless.control_library import real_number, whole_number
 from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
-from cogless.study.table import CurrentBound, RateGain, invalid
+from cogless.study.table import CurrentBound, RateGain, excluded, invalid
 
 HARMONIC_ORDERS = whole_number("CGL_HARMONIC_ORDERS")
 HARMONIC_ORDER_MAX = whole_number("CGL_HARMONIC_ORDER_MAX")
@@ -76,7 +76,10 @@ class Harmonic(Feedback, LearnsWhileRunning):
                 "expected a gain, since kp and ki are given and position is true", "k_theta", value="missing"
             )
         if self.k_theta is not None and not by_hand:
-            raise invalid("expected no such key, unless position is true and kp and ki are given", "k_theta")
+            by, since = (
+                ("kp", "kp and ki are not given") if self.position else ("position", "position = false")
+            )
+            raise excluded("k_theta", by, since, "set position = true and give kp and ki")
         return self
 
     learns_every_order: ClassVar[bool] = True

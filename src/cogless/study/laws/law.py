@@ -39,7 +39,9 @@ from cogless.study.table import (
     SpeedIntegralGain,
     StartTime,
     Table,
+    check_one,
     check_sizes,
+    excluded,
     invalid,
 )
 from cogless.units import TURN
@@ -73,8 +75,7 @@ class Start(Table):
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
-        if (self.map is None) == (self.table is None):
-            raise invalid('expected either map = "FILE.bin" or table = "FILE.csv"')
+        check_one(self, ("map", "table"), 'expected either map = "FILE.bin" or table = "FILE.csv"')
         if self.table is not None and self.sign is None:
             meaning = (
                 '"holding" for values that hold the rotor against the motor\'s own torque, "cogging" for '
@@ -83,7 +84,7 @@ class Start(Table):
             raise invalid(f"expected {meaning}", "sign", value="missing")
         for key in ("frame", "sign"):
             if self.map is not None and key in self.model_fields_set:
-                raise invalid("expected no such key, since a stored map contains it", key)
+                raise excluded(key, "map", "the stored map contains it", "give table in place of map")
         return self
 
     @model_validator(mode="after")
@@ -472,10 +473,11 @@ class Feedback(Base):
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
-        gains = (self.kp is not None, self.ki is not None)
+        gains = [key for key in ("kp", "ki") if getattr(self, key) is not None]
         # kp and ki may also be given with the rule auto, which then finds the other numbers
-        allowed = self.tuning is None or self.tuning.is_auto if all(gains) else self.tuning is not None
-        if gains not in ((True, True), (False, False)) or not allowed:
+        if gains and self.tuning is not None and not self.tuning.is_auto:
+            raise excluded("tuning", gains[0], instead=f"delete {' and '.join(gains)}")
+        if len(gains) == 1 or not (gains or self.tuning):
             margin = '{ rule = "phase-margin", phase_margin = "60 deg" }'
             rule = '{ rule = "auto" }' if self.learns else margin
             raise invalid(f"expected either kp and ki or tuning, such as {rule}")

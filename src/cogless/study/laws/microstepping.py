@@ -15,7 +15,7 @@ from cogless.control_library import MICROSTEPPING, whole_number
 from cogless.files import reason
 from cogless.study.laws.law import Base, LawLoop, StudyOfLaws
 from cogless.study.position_sensor import IdealSensor
-from cogless.study.table import File, Many, Quantity, Table, invalid
+from cogless.study.table import File, Many, Quantity, Table, excluded, invalid
 
 CORRECTION_WAVES_MOST = whole_number("CGL_MICROSTEPPING_WAVES")
 MICROSTEPS_MOST = whole_number("CGL_MICROSTEPS_MAX")
@@ -74,10 +74,9 @@ class AngleCorrection(Table):
         if self.file is None:
             self._check("")
             return self
-        if self.forward or self.backward:
-            raise invalid("expected no such key, since forward or backward is given", "file")
-        if self.current is not None:
-            raise invalid("expected no such key, since the file contains it", "current", value=self.current)
+        for key in ("forward", "backward", "current"):
+            if getattr(self, key):
+                raise excluded(key, "file", "the file contains it", "delete file")
         if not info.context:
             return self
         correction = self.model_copy(update=_tables_of_file(info.context["folder"] / self.file))

@@ -57,7 +57,9 @@ class PythonLaw(OwnLaw):
     law: Literal["python"]
     """A Python class of your own, see [](/guide/own-controller.md)."""
     # "file.py:Class", relative to the study
-    object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
+    object: Annotated[
+        str, Field(pattern=r"^.+\.py:\w+$", examples=['"my_law.py:MyLaw"']), FileName(with_name=True)
+    ]
     """Python file and class of the law, such as `my_law.py:MyLaw`. The path of the file is relative to the
     study."""
     params: dict[str, Any] = Field(default={})

@@ -32,6 +32,7 @@ from cogless.study.table import (
     StartTime,
     Table,
     check_precision,
+    excluded,
     invalid,
 )
 from cogless.units import TURN
@@ -311,8 +312,10 @@ class SpacePosition(SpaceLearning):
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
-        has_gains = (self.k_theta is not None, self.k_omega is not None)
-        if has_gains not in ((True, True), (False, False)) or all(has_gains) == (self.tuning is not None):
+        gains = [key for key in ("k_theta", "k_omega") if getattr(self, key) is not None]
+        if gains and self.tuning is not None:
+            raise excluded("tuning", gains[0], instead=f"delete {' and '.join(gains)}")
+        if len(gains) == 1 or not (gains or self.tuning):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
             raise invalid(f"expected either k_theta and k_omega or tuning, such as {rule}")
         return self
