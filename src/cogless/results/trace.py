@@ -199,7 +199,7 @@ def _write_group(group: Any, trace: Trace, rate: float) -> None:
         )
         variable.units = unit
         variable.set_auto_maskandscale(False)
-        for rows in trace.blocks(size=CHUNK_ROWS * every):
+        for rows in trace.blocks(size=BLOCK_ROWS * every):
             stored = trace.part(name, slice(rows.start, rows.stop, every)).astype(kind)
             variable[rows.start // every : rows.start // every + len(stored)] = stored
 
