@@ -67,12 +67,13 @@ def played(
             for log, rate in together
             for table in drives
         ]
-        finished = iter(rollout(studies, signals=TRACE_SIGNALS))
+        finished = rollout(studies, signals=TRACE_SIGNALS)[::-1]
         for log, _ in together:
-            traces[log.name] = next(finished).runs[0].trace
+            traces[log.name] = finished.pop().runs[0].trace
             if more:  # whole traces would fill twice the memory
-                trace = next(finished).runs[0].trace
+                trace = finished.pop().runs[0].trace
                 filters[log.name] = trace_filters(log, trace, 1 / drive.rates.outer_loop)
+                del trace
     return traces, filters
 
 
