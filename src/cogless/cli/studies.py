@@ -159,9 +159,7 @@ def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, ev
                 say(f"Left out of the page: {line}")
 
 
-def _write(
-    results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None, jobs: int
-) -> None:
+def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None, jobs: int) -> None:
     """Write the results as a new set of files, with `jobs` above 1 the traces while the report is made."""
     from cogless import report
     from cogless.drives.accelerometer import write_accelerometer_logs
