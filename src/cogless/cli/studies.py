@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -168,14 +168,16 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
     from cogless.results.trace import write_netcdf
     from cogless.run.side_by_side import side_by_side
 
-    study, run, stop = results.study, results_json.run_id(results), Event()
-    attributes = {"title": study.title, "seed": study.seed, "run": run}
+    study, stop = results.study, Event()
+
+    def attributes() -> dict[str, Any]:
+        return {"title": study.title, "seed": study.seed, "run": results_json.run_id(results)}
+
     with new_set(folder) as stage:
-        files = [partial(report.write, results, stage / "report.html")]
-        if traces:  # first, as compressing them takes longest and leaves Python to the report
-            files.insert(
-                0, partial(write_netcdf, stage / "traces.nc", results.runs, attributes, study.file_rate)
-            )
+        write_traces = partial(write_netcdf, stage / "traces.nc", results.runs, attributes, study.file_rate)
+        write_report = partial(report.write, results, stage / "report.html")
+        # the traces first, as compressing them takes longest and leaves Python to the report
+        files = [write_traces, write_report] if traces else [write_report]
         written = side_by_side(files, jobs, stop)
         if stop.is_set():
             raise KeyboardInterrupt
