@@ -42,6 +42,7 @@ $(VENV)/installed $(VENV)/installed-single: $(VENV)/tools $(SOURCES)
 	@# byte code for later starts, as an environment may forbid them to write it: each would take a second longer
 	$(BIN)/python -m compileall -q $(VENV)/lib/python*/site-packages/cogless
 	$(BIN)/cogless design uomodri > /dev/null
+	$(BIN)/cogless design mandra2019 > /dev/null
 	touch $@
 
 # what an extra needs, by the wheel that is installed: nothing is compiled for it

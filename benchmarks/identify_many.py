@@ -13,6 +13,9 @@ import resource
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -51,19 +54,26 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
     return {name: scenario for name, (_, scenario) in made.items()}, rate
 
 
-def main() -> None:
+def recorded(folder: Path) -> tuple[Sequence[Path], Path]:
+    """The simulated logs, and the file that names their columns."""
     plan.scenarios = scenarios
     random = np.random.default_rng(5)
+    of = benchmark.recorded(benchmark.drawn("servo", random), folder, random)
+    return of.logs, of.columns
+
+
+def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        of = benchmark.recorded(benchmark.drawn("servo", random), Path(folder), random)
-        rows = [len(np.load(path)["time"]) for path in of.logs]
+        with ProcessPoolExecutor(1, get_context("spawn")) as simulates:  # its memory is no part of identify's
+            logs, columns = simulates.submit(recorded, Path(folder)).result()
+        rows = [len(np.load(path)["time"]) for path in logs]
         print(f"{len(rows)} logs of {min(rows)} rows")
         begun = time.process_time()
 
         def progress(what: str, share: float) -> None:
             print(f"{time.process_time() - begun:6.1f} s  {what} {share:.0%}", flush=True)
 
-        identified(of.logs, of.columns, progress)
+        identified(logs, columns, progress)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
     print(f"{time.process_time() - begun:.1f} s of processor time, at most {memory:.0f} MB")
 

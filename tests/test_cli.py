@@ -499,6 +499,16 @@ def test_a_request_to_end_while_results_are_written(
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
 
 
+def test_traces_written_beside_the_report_are_those_written_before_it(tmp_path: Path) -> None:
+    """With one job the files are written one after the other."""
+    words = ("run", studies.write(tmp_path), "--only=low/*", "--set=trace.rate=1 kHz", "-o")
+    for jobs in ("1", "2"):
+        command = [*COMMAND, *map(str, words), str(tmp_path / jobs), f"--jobs={jobs}"]
+        subprocess.run(command, check=True, capture_output=True)
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / jobs).iterdir()} for jobs in "12")
+    assert one.keys() == {"results.json", "traces.nc", "report.html"} and one == two
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 def test_a_request_to_end_at_any_moment_says_what_is_kept(tmp_path: Path) -> None:
     chance = random.Random(36)

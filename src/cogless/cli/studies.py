@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from threading import Event
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -108,7 +110,7 @@ def run(
                 try:
                     command = command_line("run", study, changes, [])
                     page = render(loaded, command, limits=sentences(results)) if with_page else None
-                    _write(results, place, plots, not no_traces, page)
+                    _write(results, place, plots, not no_traces, page, jobs)
                 except StudyError as error:  # such as a full disk; the tables are still printed
                     failures.append(error)
                 written = all(isinstance(failure, RunError) for failure in failures)
@@ -161,19 +163,30 @@ def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, ev
                 say(f"Left out of the page: {line}")
 
 
-def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:
+def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None, jobs: int) -> None:
+    """Write the results as a new set of files, with `jobs` above 1 the traces while the report is made."""
     from cogless import report
     from cogless.drives.accelerometer import write_accelerometer_logs
     from cogless.results import results_json
     from cogless.results.folder import hashes, new_set
     from cogless.results.trace import write_netcdf
+    from cogless.run.side_by_side import side_by_side
 
-    study, run = results.study, results_json.run_id(results)
+    study, stop = results.study, Event()
+
+    def attributes() -> dict[str, Any]:
+        return {"title": study.title, "seed": study.seed, "run": results_json.run_id(results)}
+
     with new_set(folder) as stage:
-        if traces:
-            attributes = {"title": study.title, "seed": study.seed, "run": run}
-            write_netcdf(stage / "traces.nc", results.runs, attributes, study.file_rate)
-        report.write(results, stage / "report.html")
+        write_traces = partial(write_netcdf, stage / "traces.nc", results.runs, attributes, study.file_rate)
+        write_report = partial(report.write, results, stage / "report.html")
+        # the traces first, as compressing them takes longest and leaves Python to the report
+        files = [write_traces, write_report] if traces else [write_report]
+        written = side_by_side(files, jobs, stop)
+        if stop.is_set():
+            raise KeyboardInterrupt
+        for file in written:
+            file.result()
         if page is not None:
             (stage / "live.html").write_text(page, encoding="utf-8")
         results_json.write_all(results, stage / MAPS)

@@ -177,36 +177,44 @@ def inflation(matrix: Array) -> Array:
 class Equations:
     """The normal equations of logs. They can be solved with any one of the acceleration's instruments.
 
-    StudyError: there are no rows, as with logs shorter than the kernel.
+    `removed`: kinds and orders of columns of the rows that the equations leave out. A stretch is copied
+    without them only while it is used, so that a whole second set of rows is never in memory. StudyError:
+    there are no rows, as with logs shorter than the kernel.
     """
 
-    def __init__(self, rows: Sequence[Rows]) -> None:
+    def __init__(self, rows: Sequence[Rows], removed: frozenset[Name] = frozenset()) -> None:
         if not rows:
             raise StudyError(
                 "in no log the motor turns in one direction for long enough: expected longer logs"
             )
-        self.rows = tuple(rows)
-        self.names = all_names(rows)
+        self.rows, self._removed = tuple(rows), removed
+        self.names = tuple(name for name in all_names(rows) if name[:2] not in removed)
         self.logs = tuple(dict.fromkeys(stretch.log.name for stretch in rows))
 
     def without(self, *columns: Name) -> Equations:
         """These equations without columns of these kinds and orders; `own` columns go with their cogging."""
         removed = {*columns, *(("own", *order) for kind, *order in columns if kind == "cogging")}
-        return Equations([rows.without(removed) for rows in self.rows])
+        return Equations(self.rows, self._removed | removed)
+
+    def _used(self, rows: Rows) -> Rows:
+        return rows.without(self._removed) if self._removed else rows
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
         blocks: list[Block] = []
         for log in self.logs:
-            own = [stretch for stretch in self.rows if stretch.log.name == log]
-            whole, done = sum(len(stretch.y) for stretch in own), 0
-            for stretch in own:
+            own = [rows for rows in self.rows if rows.log.name == log]
+            whole, done = sum(len(rows.y) for rows in own), 0
+            for rows in own:
+                stretch, late = self._used(rows), self._late.get(id(rows))
                 count, place = len(stretch.y), [self.names.index(name) for name in stretch.names]
                 part_count = max(1, min(round(LOG_BLOCKS * count / whole), count // BLOCK_ROWS_LEAST))
                 for part in np.array_split(np.arange(count), part_count):
                     if len(part):
                         quarter = min(LOG_QUARTERS - 1, LOG_QUARTERS * (done + int(part[0])) // whole)
-                        blocks.append(self._block(stretch, place, slice(part[0], part[-1] + 1), quarter))
+                        blocks.append(
+                            self._block(stretch, late, place, slice(part[0], part[-1] + 1), quarter)
+                        )
                 done += count
         return tuple(blocks)
 
@@ -217,9 +225,10 @@ class Equations:
         The instrument has no noise that goes round the control loop.
         """
         instruments = {}
-        for stretch in self.rows:
-            if ("delay",) not in stretch.names:
+        for rows in self.rows:
+            if ("delay",) in self._removed or ("delay",) not in rows.names:
                 continue
+            stretch = self._used(rows)
             column = stretch.columns[:, stretch.names.index(("delay",))]
             angular = [
                 k
@@ -228,16 +237,21 @@ class Equations:
             ]
             count = len(stretch.y)
             if count <= 4 * (2 * len(angular) + 1):
-                instruments[id(stretch)] = np.zeros(count)
+                instruments[id(rows)] = np.zeros(count)
                 continue
             base = stretch.columns[:, angular]
             smooth = gaussian_filter1d(column, DELAY_SMOOTHING / stretch.spacing)
             base = np.column_stack([base, np.gradient(base, axis=0), smooth])
-            instruments[id(stretch)] = base @ solved(base.T @ base, base.T @ column)[0]
+            instruments[id(rows)] = base @ solved(base.T @ base, base.T @ column)[0]
         return instruments
 
-    def _block(self, rows: Rows, place: Sequence[int], part: slice, quarter: int) -> Block:
-        """The block of a part of rows. `place`: the index of each of the rows' columns among all columns."""
+    def _block(
+        self, rows: Rows, course: Array | None, place: Sequence[int], part: slice, quarter: int
+    ) -> Block:
+        """The block of a part of rows. `course`: the delay's instrument, if there is one.
+
+        `place`: the index of each of the rows' columns among all columns.
+        """
         size = len(self.names)
         columns, y = rows.columns[part], rows.y[part]
         z = rows.instruments[:, part] if ("j",) in rows.names else np.zeros((len(LADDER), len(y)))
@@ -249,11 +263,10 @@ class Equations:
         instruments = np.zeros((len(z), size))
         instruments[:, place] = z @ columns
         late = None
-        if id(rows) in self._late:
-            course = self._late[id(rows)][part]
+        if course is not None:
             products = np.zeros(size)
-            products[place] = course @ columns
-            late = (products, float(course @ y))
+            products[place] = course[part] @ columns
+            late = (products, float(course[part] @ y))
         return Block(
             log=rows.log.name,
             part=quarter,
@@ -393,11 +406,12 @@ class Equations:
             own = [rows for rows in self.rows if rows.log.name == log]
             shares = np.arange(1, LOG_QUARTERS) / LOG_QUARTERS
             edges = np.quantile(np.concatenate([rows.omega for rows in own]), shares)
-            for rows in own:
+            for whole in own:
+                rows, late = self._used(whole), self._late.get(id(whole))
                 place = [self.names.index(name) for name in rows.names]
                 residual, course = rows.y - rows.columns @ values[place], rows.instruments[instrument]
                 factors = np.array(rows.columns)
-                for name, x in ((("j",), course), (("delay",), self._late.get(id(rows)))):
+                for name, x in ((("j",), course), (("delay",), late)):
                     if name in rows.names and x is not None:
                         factors[:, rows.names.index(name)] = x
                 states = np.searchsorted(edges, rows.omega) + LOG_QUARTERS * (course > 0)
@@ -431,7 +445,7 @@ class Equations:
 
     def residuals(self, fit: Fit) -> list[tuple[Rows, Array]]:
         """The rows of each part, and their residual of i_q, A."""
-        return [(stretch, stretch.y - fit.prediction(stretch)) for stretch in self.rows]
+        return [(rows, rows.y - fit.prediction(self._used(rows))) for rows in self.rows]
 
 
 def _without_each(matrices: Array, vectors: Array, values: Array, inverse: Array) -> Array:

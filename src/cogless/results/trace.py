@@ -11,7 +11,7 @@ import math
 import mmap
 import tempfile
 import weakref
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -157,14 +157,15 @@ class RunWithTrace(Protocol):
 def write_netcdf(
     path: Path,
     runs: Iterable[RunWithTrace],
-    attributes: Mapping[str, Any] | None = None,
+    attributes: Mapping[str, Any] | Callable[[], Mapping[str, Any]] | None = None,
     rate: float = math.inf,
 ) -> None:
     """Write all runs to one netCDF-4 file, one group per "scenario/controller", completely or not at all.
 
     `time` and `theta_m` are stored in double precision, since both grow without bound; the others in single.
     `rate`: largest number of stored rows a second, Hz. Of a trace with more, every n-th row is stored; n is
-    the group's attribute `every`. `attributes` go to the file's root.
+    the group's attribute `every`. `attributes` go to the file's root. A function that returns them is called
+    when the runs are written.
     `xarray.open_dataset(path, group="scenario/controller")` opens a run.
     StudyError: the file can't be written.
     """
@@ -173,9 +174,9 @@ def write_netcdf(
     with replacing(Path(path)) as temporary:
         try:
             with netCDF4.Dataset(temporary, "w") as file:
-                file.setncatts(dict(attributes or {}))
                 for run in runs:
                     _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace, rate)
+                file.setncatts(dict((attributes() if callable(attributes) else attributes) or {}))
         except RuntimeError as error:  # on a full disk: "NetCDF: HDF error"
             raise OSError(f"{error}, is the disk full?") from error
 
@@ -199,7 +200,7 @@ def _write_group(group: Any, trace: Trace, rate: float) -> None:
         )
         variable.units = unit
         variable.set_auto_maskandscale(False)
-        for rows in trace.blocks(size=CHUNK_ROWS * every):
+        for rows in trace.blocks(size=BLOCK_ROWS * every):
             stored = trace.part(name, slice(rows.start, rows.stop, every)).astype(kind)
             variable[rows.start // every : rows.start // every + len(stored)] = stored
 

@@ -69,10 +69,10 @@ def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str |
             for name in signals
         )
         return
-    has = kinds(study)
-    own = set[str]().union(*(law.terms for law in study.controller.values()))
+    has = frozenset(kinds(study))
     for name in signals:
-        yield None if name in own else _missing(name, frozenset(has))
+        why = _missing(name, has)
+        yield why if why and not any(name in law.terms for law in study.controller.values()) else None
 
 
 @cache

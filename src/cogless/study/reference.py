@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal, Self
 
@@ -114,7 +115,7 @@ class Reference(Table):
             self._from_file = points(info.context["folder"] / self.file)
         return self
 
-    @property
+    @cached_property
     def kind(self) -> Kind:
         """Name of the form that this reference has."""
         return next(

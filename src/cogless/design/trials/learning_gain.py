@@ -29,6 +29,7 @@ from cogless.design.trials.state_feedback import (
     RESCALINGS_MOST,
     Check,
     Unknown,
+    joined,
     minimise,
 )
 
@@ -65,7 +66,7 @@ class Vertex:
 
     def phi(self, K_3: float) -> Real:
         """The matrix Phi of (27) with the learning gain K_3."""
-        return np.block([[self.A, self.B * K_3], [-self.Gamma, np.array([[1 - self.Upsilon * K_3]])]])
+        return joined([[self.A, self.B * K_3], [-self.Gamma, np.array([[1 - self.Upsilon * K_3]])]])
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,7 @@ def check(
     in the same coordinates.
     """
     n = len(f)
-    S = np.block([[T, np.zeros((n, 1))], [np.zeros((1, n)), np.eye(1)]])
+    S = joined([[T, np.zeros((n, 1))], [np.zeros((1, n)), np.eye(1)]])
     blocks = []
     for vertex, p in zip(vertices, P, strict=True):
         phi = np.linalg.solve(S, vertex.phi(K_3) @ S)
@@ -258,7 +259,7 @@ def _solve(
         driven = (inverse @ vertex.B / unit * s) @ W
         seen = -(vertex.Gamma @ T) @ G_1  # in e, as `left` is; the fourth row is in e~
         error_row = (G_2 - vertex.Upsilon / unit * W) * s
-        return np.block(
+        return joined(
             [
                 [G_1 + G_1.T - Y_1, column, moved.T, seen.T / s, seen.T],
                 [row, 2 * G_2 - Y_2, driven.T, error_row / s, error_row],
@@ -269,10 +270,10 @@ def _solve(
         )
 
     def first_cost(k: int, *x: Real) -> Real:
-        return np.block([[x[0], start[None, :]], [start[:, None], sorted_out(x)[3][k][0]]])
+        return joined([[x[0], start[None, :]], [start[:, None], sorted_out(x)[3][k][0]]])
 
     def second_cost(k: int, *x: Real) -> Real:
-        return np.block([[x[1], one / s], [one / s, sorted_out(x)[3][k][1]]])
+        return joined([[x[1], one / s], [one / s, sorted_out(x)[3][k][1]]])
 
     blocks: list[Callable[..., Real]] = []
     for k, vertex in enumerate(vertices):
@@ -284,7 +285,8 @@ def _solve(
     try:
         mean_1, mean_2 = (np.mean(matrices, axis=0) for matrices in zip(*Y, strict=True))
         scaling = T @ np.linalg.cholesky(mean_1), s * float(np.linalg.cholesky(mean_2)[0, 0])
-        P = [np.linalg.inv(np.block([[Y_1, column], [row, Y_2 * s**2]])) for Y_1, Y_2 in Y]
+        whole = [joined([[Y_1, column], [row, Y_2 * s**2]]) for Y_1, Y_2 in Y]
+        P = list(np.linalg.inv(np.array(whole)))
         K_3 = float(W[0, 0] / G_2[0, 0] / unit)
         first = g * g * max(float(start @ p[:n, :n] @ start) for p in P)
         second = g * g * max(float(p[n, n]) for p in P)

@@ -233,7 +233,7 @@ def _steady(b: Real, a: Real) -> Real:
 
 def _pass(b: Real, a: Real, state: Real, x: Real) -> Real:
     """Each row of x through one filter from its row of `state`."""
-    return _filtered(np.tile(b, (len(x), 1)), np.tile(a, (len(x), 1)), state, x)
+    return _filtered(np.full((len(x), len(b)), b), np.full((len(x), len(a)), a), state, x)
 
 
 def _filtered(b: Real, a: Real, state: Real, x: Real) -> Real:

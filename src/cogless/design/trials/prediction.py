@@ -325,6 +325,7 @@ def simulated(
     psi = np.zeros(len(models))
     observer = _Observer(law, len(models)) if isinstance(law, ObserverGains) else None
     lesson = np.zeros_like(v)
+    weights = law.K_1 @ view if isinstance(law, Gains) else None
     for p in range(v.shape[1]):
         error[:, p] = phase.reference[p] - x @ true
         e = phase.reference[p] - x @ seen
@@ -335,7 +336,7 @@ def simulated(
         else:
             assert isinstance(law, Gains)
             lesson[:, p] = e
-            u[:, p] = x @ (law.K_1 @ view) + law.K_2 * psi + f[p] + law.N * v[:, p]
+            u[:, p] = x @ weights + law.K_2 * psi + f[p] + law.N * v[:, p]
             if law.integral:
                 psi = psi + e + (v[:, p] if law.through_integrator else 0.0)
         x = np.einsum("kij,kj->ki", A, x) + B * (u[:, p] - phase.load[p])[:, None]
