@@ -54,7 +54,7 @@ def test_one_speed_tells_no_inertia(tmp_path):
 def test_a_current_of_the_wrong_sign_is_refused_with_the_line_that_turns_it(tmp_path):
     text, logs = shortened()
     said = refused(tmp_path, text, changed(logs, "fast", i_q=-logs["fast"]["i_q"]))
-    assert said.startswith("fast.npz: i_q: the current brakes the motor")
+    assert said.startswith("fast.npz: i_q: inertia and friction come out negative")
     assert 'columns.i_q = { name = "i_q", sign = -1 }' in said
 
 
@@ -214,7 +214,7 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             CSV.replace("0.01,0.10000,10,0.1", "0.01,0,10000,10,0.1").encode(),
-            "a.csv: row 11: 5 cells: expected 4, as in the heading, and decimal points",
+            "a.csv: row 11: 5 cells: expected 4, as in the heading, with decimal points, not commas",
         ),
         (
             "a.csv",

@@ -183,7 +183,7 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
             "orders: [400]: expected orders up to 359, half the points of the table"),
         ("cogging_table", lambda theta: cogging(theta) + 4e-3, {"sign": "on-rotor"},
             'file: "table.csv": expected a mean of zero, not 1.36 of the rms: '
-            "perhaps it contains friction or an offset"),
+            "perhaps the table contains friction or an offset"),
         ("cogging_table", lambda theta: 1e-3 * NOISE, {"sign": "on-rotor"},
             'file: "table.csv": expected a table of which 48 orders or fewer hold all but 2% of the rms; '
             'this one needs '),

@@ -109,8 +109,7 @@ def test_a_law_elsewhere_is_not_exported_with_the_drive(tmp_path: Path, changes:
         prepare_whole(study, "low", "pi")
     assert str(error.value).endswith(
         "study.toml: drive.bus: behind a field bus the law runs apart from the drive: expected no drive.bus, "
-        "since the export has both in "
-        "one"
+        "since an export joins law and drive"
     )
 
 

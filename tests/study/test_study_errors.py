@@ -917,7 +917,7 @@ def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: 
     path.write_text("[plant.a]\n[law.b]\n")
     assert (
         refusal(load, path)
-        == "arena.toml: is an arena: expected a study; only cogless run takes an arena, too"
+        == "arena.toml: is an arena: expected a study, since only cogless run takes an arena"
     )
 
     def refused(*_: Any, **__: Any) -> str:

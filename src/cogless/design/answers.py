@@ -170,7 +170,7 @@ def _certified(study: Study, name: str, certificate: Certificate) -> Answer:
             )
         doubt = doubt or _coarse_doubt(study, at_speeds, cures)
         if doubt:
-            seeds = "runs of the study with several seeds show it, such as with --set seed=1"
+            seeds = "runs with several seeds, such as --set seed=1, show whether learning helps"
             words = f"not sure: {doubt}; {seeds}. For small signals the answer is {settles}"
             return Answer(
                 "not sure",

@@ -536,8 +536,9 @@ def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: B
 def _choice_note(bench: Bench, choice: Choice) -> Remark:
     passes = "no filter" if choice.cutoff is None else f"a filter of {choice.cutoff:.3g} Hz"
     return Remark(
-        f"shift = {choice.shift}, {passes} and K_3 are chosen together. After {JUDGED_TRIALS} trials they "
-        f"leave {100 * bench.share_left(choice):.2g} % of the error of a load step, at the worst corner"
+        f"shift = {choice.shift}, {passes} and K_3 are chosen together. After {JUDGED_TRIALS} trials "
+        f"{100 * bench.share_left(choice):.2g} % of the error of a load step is left, at the worst corner "
+        "of the ranges"
     )
 
 
