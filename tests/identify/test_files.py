@@ -90,7 +90,7 @@ def test_a_gap_cuts_a_log_and_is_told(tmp_path):
     late = np.where(np.arange(ROWS) < 400, COLUMNS["ms"], COLUMNS["ms"] + 50)
     (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": late})
     assert [rows.stop - rows.start for rows in log.stretches] == [400, 600]
-    assert "a.npz: 1 gaps, the longest 0.051 s; the log is cut there." in log.remarks
+    assert "a.npz: 1 gaps, the longest 0.051 s; the log is cut at each gap." in log.remarks
 
 
 def test_a_rounded_clock_is_a_regular_one_and_a_jittering_one_is_interpolated(tmp_path):
@@ -746,7 +746,7 @@ def test_rows_that_lack_a_number_are_left_out_and_cut_the_log(tmp_path, cell):
     assert log["theta"] * COUNTS / (2 * np.pi) == pytest.approx(11 * whole + 0.5)
     assert log.remarks == [
         'a.csv: 3 rows lack a number (1 in "counts", 2 in "current") and are left out.',
-        "a.csv: 2 gaps, the longest 0.003 s; the log is cut there.",
+        "a.csv: 2 gaps, the longest 0.003 s; the log is cut at each gap.",
     ]
 
 
@@ -767,7 +767,7 @@ def test_a_column_that_ends_before_the_log_is_told_with_its_time(tmp_path):
     assert log.remarks == [
         'a.npz: "current" ends at 0.599 s, the log at 0.999 s: rows after 0.599 s are left out.',
         'a.npz: 1 rows lack a number (1 in "current") and are left out.',
-        "a.npz: 1 gaps, the longest 0.002 s; the log is cut there.",
+        "a.npz: 1 gaps, the longest 0.002 s; the log is cut at each gap.",
         "a.npz: the angle wraps 1 times, and is unwrapped.",
     ]
 

@@ -148,8 +148,8 @@ def test_one_speed_says_which_and_what_its_current_is() -> None:
     """The mean current in the direction of motion: friction and load together."""
     both = [turning(TURN, i_q=0.2), turning(-TURN, i_q=-0.1)]
     assert findings.said_of_one_speed(both) == (
-        "One speed only (1 rev/s): inertia, friction and delay cannot be identified (its mean current, "
-        "0.15 A, is friction and load together); add an acceleration log and a second speed."
+        "The logs have only one speed (1 rev/s): inertia, friction and delay cannot be identified (its mean "
+        "current, 0.15 A, is friction and load together); add an acceleration log and a second speed."
     )
 
 
@@ -595,8 +595,8 @@ def test_the_answer_has_a_span_where_logs_differ() -> None:
     unclear = order_at(1, 1.0, Cause("encoder or mechanics", 1.0, 0.4))
     assert "is encoder or mechanics, which cannot be told apart here: 90 % of" in told(unclear)
     assert told(order_at(6, 1.0, share=0.1)) == (
-        "Most of the ripple is of no order of the rotor that these logs can show: vibration, or slow changes "
-        "of the speed."
+        "Most of the ripple belongs to no order of the rotor that these logs can show, so it is vibration, "
+        "or slow changes of the speed."
     )
 
 

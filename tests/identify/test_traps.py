@@ -47,7 +47,9 @@ def changed(logs, name, **signals):
 def test_one_speed_tells_no_inertia(tmp_path):
     text, logs = shortened()
     said = refused(tmp_path, text, {"one-speed": logs["one-speed"]})
-    assert said.startswith("One speed only (1 rev/s): inertia, friction and delay cannot be identified")
+    assert said.startswith(
+        "The logs have only one speed (1 rev/s): inertia, friction and delay cannot be identified"
+    )
     assert "add an acceleration log and a second speed" in said
 
 
@@ -294,7 +296,8 @@ ROWS = [[float(x) for x in line.split(",")] for line in CSV.splitlines()[1:]]
         (
             3,
             1e3,
-            'i_q: row 1: 100 A, where the drive\'s limit is .* A: expected its unit, such as unit = "mA"',
+            "i_q: row 1: 100 A, where the drive's limit is .* A: expected the column's unit, "
+            'such as unit = "mA"',
         ),
     ],
 )

@@ -217,8 +217,9 @@ def said_of_one_speed(logs: Sequence[Log]) -> str:
     turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
     mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
     return Advice(
-        f"One speed only ({speed:.3g} rev/s): inertia, friction and delay cannot be identified (its mean "
-        f"current, {mean:.3g} A, is friction and load together); add an acceleration log and a second speed.",
+        f"The logs have only one speed ({speed:.3g} rev/s): inertia, friction and delay cannot be identified "
+        f"(its mean current, {mean:.3g} A, is friction and load together); add an acceleration log "
+        "and a second speed.",
         logs_of_kind("acceleration", "constant-speed"),
     )
 

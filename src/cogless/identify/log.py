@@ -434,7 +434,7 @@ def _timed(
     edges = [0, *ends.tolist(), len(t)]
     if len(ends):
         longest = float(np.max(np.diff(t)))
-        remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
+        remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut at each gap.")
     _within_limit(where, signals, identification)
     _amplitudes_agree(where, signals, identification)
     if "theta" in signals:
@@ -512,8 +512,8 @@ def _within_limit(where: str, signals: Columns, identification: Identification) 
                 Advice(
                     f"{where}: {_heading(identification, signal)}: "
                     f"row {np.argmax(np.abs(signals[signal])) + 1}: "
-                    f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
-                    'such as unit = "mA"',
+                    f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected the column's "
+                    'unit, such as unit = "mA"',
                     {f"columns.{current}.unit": "mA" for current in CURRENTS if current in signals},
                 )
             )
