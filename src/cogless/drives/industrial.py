@@ -85,8 +85,8 @@ def write_ax8000(current: HoldingCurrent, frame: TableFrame) -> TableText:
         applied,
         install=f"put the lines of FILE into the startup list of object 0x{AX8000_OBJECT:X}",
         remove=f"0x{AX8000_OBJECT:X}:01 = 4",
-        sign_check="one order at a time, at a slow speed: set the table's gain :02 to 0.3, then add 0, 90, 180 "
-        "and 270 deg to the order's phase; the phase that leaves the least ripple of this order is right",
+        sign_check="one order at a time, at a slow speed: set the table's gain :02 to 0.3, then add 0, 90, "
+        "180 and 270 deg to the order's phase; the phase that leaves the least ripple of this order is right",
         notes=(
             "The manual does not say whether the drive adds sines or cosines, with which sign, or where its "
             "angle is zero. The file has cosines with the sign of the holding torque. If the drive's zero "
