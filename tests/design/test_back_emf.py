@@ -119,8 +119,8 @@ def test_learning_is_doubted_where_the_back_emf_outweighs_the_rotor(tmp_path: Pa
     assert doubt is not None
     assert re.match(
         r"not sure: at 60 rpm the motor's back-EMF changes the response to a current at order 50 by the "
-        r"factor 0\.\d+; convergence is sure for factors from 0\.5 to 1\.5; runs of the study with several "
-        r"seeds show it, ",
+        r"factor 0\.\d+; convergence is sure for factors from 0\.5 to 1\.5; runs with several seeds, "
+        r"such as --set seed=1, show whether learning helps\. ",
         doubt.words,
     )
     heavy = changed(free, {"mechanics.inertia": "1e-3 kg*m^2"})

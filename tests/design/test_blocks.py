@@ -81,7 +81,7 @@ def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | No
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({}, rf"yes, orders 6, 12 to \d+, in about .*{LATER}, .*\)$"),
+        ({}, rf"yes, orders 6, 12, \.\.\., \d+, in about .*{LATER}, .*\)$"),
         ({"gamma": -0.1}, "no, because at 15 rpm some orders may not converge if the inertia is 50 % off"),
         (
             {"most": 0.25},

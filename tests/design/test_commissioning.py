@@ -73,13 +73,13 @@ def test_the_position_loop_of_a_rule_is_a_quarter_as_fast_as_the_speed_loop(tmp_
     [
         (3.0, K_THETA, None),
         (6.0, K_THETA,
-            "its calibration run in scenario low turns too fast to record order 24, at 22.9 Hz, well: the "
-            "table "
-            'would leave 0.95 times the ripple; speed = "7.5 rpm" would be enough by calculation'),
+            "its calibration run in scenario low turns too fast to record order 24 (22.9 Hz) well: with the "
+            'table the ripple would be 0.95 times that without; speed = "7.5 rpm" would be enough by '
+            "calculation"),
         (12.0, K_THETA,
             "its calibration run in scenario low records from 65.4 ms after a reversal on, before the rotor "
-            'has settled: the table would leave 1.8 times the ripple; speed = "7.5 rpm" would be enough by '
-            "calculation"),
+            'has settled: with the table the ripple would be 1.8 times that without; '
+            'speed = "7.5 rpm" would be enough by calculation'),
         (0.7, 2000.0,
             'its calibration run in scenario low is unstable, at 61.1 Hz; position_gain = "18.8 1/s" would '
             "be enough by calculation"),

@@ -230,7 +230,7 @@ def of(**changes: object) -> Callable[[], UncertainPlant]:
             "vertex: expected the input to act in one direction at all vertices; at inertia = 0.00059, "
             "friction = 0.0013, torque_constant = -0.35 it acts in the other"),
         (of(nominal={"inertia": 7e-4}), "nominal",
-            "nominal: expected exactly the parameters that have ranges: friction differs"),
+            "nominal: expected the parameters that have ranges: friction is missing"),
         (lambda: from_vertices([], [1], 1.0), "vertex", "vertex: expected at least one"),
         (lambda: from_vertices([([["x"]], [1])], [1], 1.0), "vertex 1",
             "vertex 1: expected matrices of numbers"),

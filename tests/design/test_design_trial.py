@@ -483,8 +483,9 @@ def part(**more: Any) -> Any:
         (part(norm=1.25), "1.25 a trial at 12.35 Hz"),
         (part(norm=1 + 1e-9, growth=1.5), "1.5 a trial, from the ends of the trial"),
         (part(growth=1.5, with_filter=1), "1.5 a trial, from the ends of the filter"),
-        (part(growth=1 + 0.9e-4), "1.5 a sample, by the largest pole of the matrix Phi (27)"),
-        (part(phi_radius=None), "1 + 0.0e+00 a sample, by the largest pole of the matrix Phi (27)"),
+        (part(growth=1 + 0.9e-4), "1.5 a sample, by the largest pole of the matrix Phi, (27) of Mandra 2019"),
+        (part(phi_radius=None), "1 + 0.0e+00 a sample, by the largest pole of the matrix Phi, "
+            "(27) of Mandra 2019"),
     ],
 )  # fmt: skip
 def test_what_can_grow_is_told_with_what_prevents_it(
@@ -553,7 +554,7 @@ def test_a_static_gain_points_where_the_loop_does(
 FASTEST = "K_3 is chosen by frequency, for the smallest factor from one trial's error to the next"
 
 
-OTHER_SHIFT = "Rule (35) is not used, since it is for a shift of 2"
+OTHER_SHIFT = "Rule (35) of Mandra 2019 is not used, since it is for a shift of 2"
 
 
 FILTERED = f"{FASTEST} with the filter on the learned signal"

@@ -78,7 +78,7 @@ def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
     other = my_motor(**{"motor.cogging.1.order": 21})
     (line,) = notes(other, "harmonic")
     told = (
-        "it learns orders 2, 4 to 256, but the cogging has order 21; "
+        "it learns orders 2, 4, ..., 256, but the cogging has order 21; "
         "with controller.harmonic.base = 21 it would learn all of them"
     )
     assert line == f"controller.harmonic: {told}"
@@ -119,7 +119,7 @@ def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
 def test_orders_that_are_not_learned_may_be_why_learning_does_harm():
     other = my_motor(**{"controller.harmonic.base": 5})
     assert likely_harm(other, "harmonic", "slow").startswith(
-        "it learns orders 5, 10 to 500, but the cogging has orders"
+        "it learns orders 5, 10, ..., 500, but the cogging has orders"
     )
     assert likely_harm(other, "pi", "slow") is None
 
@@ -127,7 +127,7 @@ def test_orders_that_are_not_learned_may_be_why_learning_does_harm():
 def test_orders_beyond_the_memory_have_no_base():
     far = my_motor(**{"motor.cogging.1.order": 521})
     assert notes(far, "harmonic") == [
-        "controller.harmonic: it learns orders 2, 4 to 256, but the cogging has order 521; "
+        "controller.harmonic: it learns orders 2, 4, ..., 256, but the cogging has order 521; "
         "no base learns all of the cogging with 128 orders"
     ]
 

@@ -449,15 +449,15 @@ FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None)
 
 def test_a_certificate_in_one_line() -> None:
     assert FINE.in_words() == (
-        "learns orders 2, 4 to 6; at 10 rpm orders up to 6, except 2 from 4 to 6, begin to learn at a rate "
-        "of 5 1/s. They settle together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or "
-        "more; needed: above 0). With one sample of unknown delay orders up to 4 converge; "
+        "learns orders 2, 4 and 6; at 10 rpm orders up to 6, except 2 orders from 4 to 6, begin to learn at "
+        "a rate of 5 1/s. They settle together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 "
+        "or more; needed: above 0). With one sample of unknown delay orders up to 4 converge; "
         "learns up to 300 rpm"
     )
     both = replace(FINE, speeds=(replace(SLOW, held_orders=()), FAST), straight=50 * RPM)
     held = replace(both, learner=replace(TOLD, held=(0.01, 0.02, 0.1, math.tau / 10)))
     assert held.in_words() == (
-        "learns orders 2, 4 to 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
+        "learns orders 2, 4 and 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
         "together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or more; needed: above 0). "
         "With one sample of unknown delay orders up to 4 converge; at 200 rpm orders up to 4, except 2, "
         "begin to learn at a rate of 5 1/s. They settle together at rates below 12.3 1/s, and may not all "
@@ -468,7 +468,7 @@ def test_a_certificate_in_one_line() -> None:
     )
     slow = replace(FINE, speeds=(replace(SLOW, held_orders=(), slow=(2, 4), swing=0.64),))
     assert slow.in_words() == (
-        "learns orders 2, 4 to 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
+        "learns orders 2, 4 and 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
         "together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or more; needed: above 0). "
         "With one sample of unknown delay orders up to 4 converge. Orders 2 to 4 are too slow to be judged "
         "(uncertain: with the feedback alone the speed's ripple is 64 % rms); learns up to 300 rpm"

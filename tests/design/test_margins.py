@@ -170,12 +170,12 @@ def certificate(**changes: object) -> Certificate:
 def test_a_certificate_in_one_line() -> None:
     learner = certificate().learner
     assert certificate().in_words() == (
-        "learns orders 6, 12 to 48; at 60 rpm orders up to 42 begin to learn at a rate of 2 1/s. They settle "
-        "together at rates below 5.06 1/s, and converge if K_t/J is 50 % off (Re Gamma 0.39 or more; needed: "
-        "above 0). With one sample of unknown delay orders up to 36 converge; at 600 rpm orders up to 12, "
-        "except 2 from 24 to 30, begin to learn at a rate of 7 1/s. They settle together at any rate, and "
-        "converge if K_t/J is 50 % off (Re Gamma 0.50 or more; needed: above 0). With one sample of unknown "
-        "delay orders up to 6 converge; "
+        "learns orders 6, 12, ..., 48; at 60 rpm orders up to 42 begin to learn at a rate of 2 1/s. They "
+        "settle together at rates below 5.06 1/s, and converge if K_t/J is 50 % off (Re Gamma 0.39 or more; "
+        "needed: above 0). With one sample of unknown delay orders up to 36 converge; at 600 rpm orders up "
+        "to 12, except 2 orders from 24 to 30, begin to learn at a rate of 7 1/s. They settle together at "
+        "any rate, and converge if K_t/J is 50 % off (Re Gamma 0.50 or more; needed: above 0). With one "
+        "sample of unknown delay orders up to 6 converge; "
         "learns up to 3000 rpm"
     )
     assert (
@@ -191,7 +191,8 @@ def test_a_certificate_in_one_line() -> None:
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.in_words() == (
-        "learns orders 6, 12 to 48; at 60 rpm orders up to 42, except 24, begin to learn at a rate of 2 1/s. "
+        "learns orders 6, 12, ..., 48; at 60 rpm orders up to 42, except 24, begin to learn at a rate of 2 "
+        "1/s. "
         "They settle together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.39 or more; needed: "
         "above 0). With one sample of unknown delay orders up to 36 converge; learns no order from 100 to "
         "200 or from 300 to 400 Hz; learns up to 3000 rpm; learns an eccentric sensor's error up to 30 rpm"

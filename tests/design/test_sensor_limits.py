@@ -60,17 +60,17 @@ def ratio(study: Study) -> float:
     [
         ("nema17", "stepper", "as5600", {}, "not worth it: at 50 rpm learning leaves 14.7 rpm", False),
         ("nema17", "stepper", "as5600", {"speed": 150}, "not worth it: at 150 rpm", False),
-        ("nema17", "stepper", "absolute", {"bits": 18}, "yes, orders 50, 100 to 1200, in about ", True),
+        ("nema17", "stepper", "absolute", {"bits": 18}, "yes, orders 50, 100, ..., 1200, in about ", True),
         ("hub", "generic", "incremental", {"cpr": 4096}, "not worth it: at 10 rpm", False),
-        ("hub", "generic", "absolute", {"bits": 18}, "yes, orders 3, 6 to 384, in about ", True),
+        ("hub", "generic", "absolute", {"bits": 18}, "yes, orders 3, 6, ..., 384, in about ", True),
         ("hub", "vesc", "as5047", {"speed": 40}, "not sure: at 40 rpm the position sensor's steps cause ",
             False),
         ("gimbal", "moteus", "as5600", {},
             "not sure: at 20 rpm the position sensor gives 0.23 counts per speed sample, ", False),
-        ("gimbal", "generic", "absolute", {"bits": 18}, "yes, orders 2, 4 to 256, in about ", True),
-        ("gimbal", "generic", "as5600", {"speed": 70}, "yes, orders 2, 4 to 256, in about ", True),
+        ("gimbal", "generic", "absolute", {"bits": 18}, "yes, orders 2, 4, ..., 256, in about ", True),
+        ("gimbal", "generic", "as5600", {"speed": 70}, "yes, orders 2, 4, ..., 256, in about ", True),
         ("drone", "moteus", "as5600", {}, "not sure: at ", False),
-        ("drone", "generic", "as5048", {"speed": 200}, "yes, orders 2, 4 to 256, in about ", True),
+        ("drone", "generic", "as5048", {"speed": 200}, "yes, orders 2, 4, ..., 256, in about ", True),
     ],
 )  # fmt: skip
 def test_a_plain_yes_never_comes_where_learning_leaves_as_much(
@@ -93,7 +93,7 @@ def test_steps_that_beat_with_the_law_are_doubted_and_the_advised_rate_helps(tmp
         r"learns; the feedback alone leaves 2\.\d\d rpm\. The sensor's 4096 steps a "
         r"second, sampled by the law at 4000 Hz, alias to 96 Hz, which the law mistakes for motion; "
         r"drive\.rates\.speed_loop = \"2500 Hz\" would be enough by "
-        r"calculation; runs of the study with several seeds show it, such as with --set seed=1\. "
+        r"calculation; runs with several seeds, such as --set seed=1, show whether learning helps\. "
         r"For small signals the answer is yes, ",
         answer(draft),
     )

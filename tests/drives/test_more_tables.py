@@ -86,7 +86,7 @@ def test_ax8000_finds_its_phase_by_the_test_that_is_printed(
     options = ["--to", "ax8000", "--shift", "0 deg", "-o", table]
     code, out, err = cogless(capsys, "table", found, *options)
     assert (code, err) == (0, "") and "3 entries" in out
-    assert "phase + 0, 90, 180 and 270 deg" in out
+    assert "add 0, 90, 180 and 270 deg to the order's phase" in out
     values = dict(re.findall(r"^:(\d+) \S+ (\S+)$", table.read_text(), re.MULTILINE))
     assert values["01"] == "3"
     wave = CONVENTIONS[convention]

@@ -354,7 +354,7 @@ def test_a_channel_that_ends_early_is_told_and_used_up_to_there(
     whole = slow["t"][-1]
     assert log.duration == pytest.approx(whole / 2 if short == "servo_stats" else whole, rel=0.01)
     (remark,) = log.remarks
-    times = re.match(rf"{ended} ends at ([\d.]+) s, .* at ([\d.]+) s: the log is used up to there\.", remark)
+    times = re.match(rf"{ended} ends at ([\d.]+) s, .* at ([\d.]+) s: rows after \1 s are left out\.", remark)
     assert times is not None, remark
     assert [float(time) for time in times.groups()] == pytest.approx([whole / 2, whole], rel=0.02)
     assert prepared.frame.zero and prepared.frame.zero_error < 1e-3

@@ -165,7 +165,7 @@ def test_the_header_reads_any_angle(tmp_path: Path, capsys: pytest.CaptureFixtur
     ("change", "message"),
     [
         (('monitor = ["target"', 'monitor = ["torque"'), 'monitor: "torque": expected some of target, Uq'),
-        (('"Iq", ', ""), "monitor: Iq: expected once: motor.monitor_variables"),
+        (('"Iq", ', ""), "monitor: Iq: expected once in the list; motor.monitor_variables"),
         (('row_period = "2 ms"', ""), 'row_period: expected either row_period, such as "2 ms", or time_us'),
         (('row_period = "2 ms"', 'row_period = "2"'), 'row_period: "2": expected a unit, too'),
         (('monitor = ["target", ', "monitor = ["), "numbers in a line: expected 3, as monitor says"),

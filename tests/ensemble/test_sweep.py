@@ -246,7 +246,7 @@ def test_a_cluster_that_is_gone_is_told() -> None:
             return future
 
     with pytest.raises(
-        StudyError, match=r"^the cluster is gone: the same command, called again, goes on from here$"
+        StudyError, match=r"^the cluster is gone: the same command, repeated, continues from here$"
     ):
         gone = executing.executor_workers(Gone())
         executing.run_all(gone, int, [0], lambda number: (), lambda number, result: None)

@@ -406,7 +406,9 @@ def test_keys_of_whole_numbers_are_tuned(tmp_path: Path, limits: str, low: int, 
 
 def test_a_range_without_two_whole_numbers_is_refused(tmp_path: Path) -> None:
     tune = TUNE[: TUNE.index("[tune.keys]")] + "[tune.keys]\ncontroller.pi-ilc.cells = [63.5, 64.5]"
-    with pytest.raises(StudyError, match=r"cells: \[63.5, 64.5\]: expected a range with two whole numbers"):
+    with pytest.raises(
+        StudyError, match=r"cells: \[63.5, 64.5\]: expected a range that contains two or more whole numbers"
+    ):
         tuning.subjects(study(tmp_path, tune))
 
 

@@ -100,7 +100,7 @@ def cases(name: str) -> dict[str, tuple[dict[str, float], str, set[str]]]:
             f'the speed looks like electrical rpm: unit = "rpm" and scale = 1/{poles}',
             {"columns.omega.scale", "columns.omega.unit"},
         ),
-        "mA": ({"i_q": 1e3}, 'expected its unit, such as unit = "mA"', {"columns.i_q.unit"}),
+        "mA": ({"i_q": 1e3}, 'expected the column\'s unit, such as unit = "mA"', {"columns.i_q.unit"}),
         "current sign": (
             {"i_q": -1.0},
             'expected the other sign: columns.i_q = { name = "i_q", sign = -1 }',

@@ -90,7 +90,7 @@ def test_a_gap_cuts_a_log_and_is_told(tmp_path):
     late = np.where(np.arange(ROWS) < 400, COLUMNS["ms"], COLUMNS["ms"] + 50)
     (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": late})
     assert [rows.stop - rows.start for rows in log.stretches] == [400, 600]
-    assert "a.npz: 1 gaps, the longest 0.051 s; the log is cut there." in log.remarks
+    assert "a.npz: 1 gaps, the longest 0.051 s; the log is cut at each gap." in log.remarks
 
 
 def test_a_rounded_clock_is_a_regular_one_and_a_jittering_one_is_interpolated(tmp_path):
@@ -137,7 +137,7 @@ def test_a_law_of_one_s_own_is_refused(tmp_path):
     (tmp_path / "id.toml").write_text(ID + '[controller.mine]\nlaw = "python"\nobject = "my.py:Mine"\n')
     with pytest.raises(StudyError) as caught:
         config.load(tmp_path / "id.toml")
-    expected = "expected a law that cogless has: logs are replayed many times"
+    expected = "expected a law of cogless, not code of your own, since each log is simulated many times"
     assert str(caught.value) == f'{tmp_path / "id.toml"}: controller.mine.law: "python": {expected}'
 
 
@@ -183,7 +183,7 @@ def test_a_row_that_is_not_as_the_heading_is_read_by_itself(tmp_path, monkeypatc
     assert csv_of(tmp_path, "\n".join([*rows, "5;0", "6;0;0"])) == "x: row 6: missing: expected a number"
     assert csv_of(tmp_path, "\n".join([*rows, "5;0;a"])) == 'x: row 6: "a": expected a number'
     assert csv_of(tmp_path, "\n".join([*rows, "5;0;6;7"])) == (
-        "row 6: 4 cells: expected 3, as in the heading, and decimal points"
+        "row 6: 4 cells: expected 3, as in the heading, with decimal points, not commas"
     )
     assert csv_of(tmp_path, "t\tx\n1\t2\n") == {"t": [1.0], "x": [2.0]}
     assert csv_of(tmp_path, " x , y\n1,2\n", "x") == {"x": [1.0]}
@@ -212,7 +212,7 @@ GUESSES = {
     ],
     "half a line": ["the last line is incomplete, and is left out."],
     "text before the heading": ['the text before the heading, from "Bench 3, run 7" on, is left out.'],
-    "a heading between rows": ["the heading comes 3 times; those between rows are left out."],
+    "a heading between rows": ["the heading comes 3 times; the headings between rows are left out."],
     "times of day": ['t: "00:00:00.000" is read as hours, minutes and seconds.'],
     "times with dates and decimal commas": [
         "commas are taken for decimal points.",
@@ -280,7 +280,7 @@ def test_a_log_with_times_of_day_is_that_in_seconds(tmp_path):
         load_logs([path], config.load(tmp_path / "id.toml"))
     (advice,) = caught.value.mistakes
     assert advice == (
-        f"{path}: ms: times of day, which become seconds: expected columns.t without unit, sign and scale"
+        f"{path}: ms: times of day, which become seconds: expected columns.t without unit, sign or scale"
     )
     (tmp_path / "id.toml").write_text(plan.to_toml(changed(tomllib.loads(ID), advice.cures[0])))
     (log,) = load_logs([path], config.load(tmp_path / "id.toml"))
@@ -412,8 +412,8 @@ def test_a_column_is_that_of_the_files_that_have_it(tmp_path):
         load_logs(paths, narrow)
     (advice,) = caught.value.mistakes
     assert advice == (
-        f'{paths[0]}: it has the column "current" (i_q), and columns.i_q.files does not name it: expected '
-        "the files that have the column"
+        f'{paths[0]}: has the column "current" (i_q), but columns.i_q.files does not name this file: '
+        "expected the files that have the column"
     )
     assert advice.cures == ({"columns.i_q.files": ["c*", "a[[]1].npz"]},)
     a, b = cured(tmp_path, *advice.cures, *(path.name for path in paths))
@@ -746,7 +746,7 @@ def test_rows_that_lack_a_number_are_left_out_and_cut_the_log(tmp_path, cell):
     assert log["theta"] * COUNTS / (2 * np.pi) == pytest.approx(11 * whole + 0.5)
     assert log.remarks == [
         'a.csv: 3 rows lack a number (1 in "counts", 2 in "current") and are left out.',
-        "a.csv: 2 gaps, the longest 0.003 s; the log is cut there.",
+        "a.csv: 2 gaps, the longest 0.003 s; the log is cut at each gap.",
     ]
 
 
@@ -765,9 +765,9 @@ def test_a_column_that_ends_before_the_log_is_told_with_its_time(tmp_path):
     (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "current": current})
     assert len(log) == ROWS - 401
     assert log.remarks == [
-        'a.npz: "current" ends at 0.599 s, the log at 0.999 s: the log is used up to there.',
+        'a.npz: "current" ends at 0.599 s, the log at 0.999 s: rows after 0.599 s are left out.',
         'a.npz: 1 rows lack a number (1 in "current") and are left out.',
-        "a.npz: 1 gaps, the longest 0.002 s; the log is cut there.",
+        "a.npz: 1 gaps, the longest 0.002 s; the log is cut at each gap.",
         "a.npz: the angle wraps 1 times, and is unwrapped.",
     ]
 
@@ -798,6 +798,7 @@ def test_a_decimal_comma_is_seen_beside_an_empty_cell(tmp_path):
     part = np.where(np.arange(ROWS) == 4, np.nan, 1.0)
     np.savez(tmp_path / "a.npz", **COLUMNS, part=part)
     with pytest.raises(
-        StudyError, match=r"a.npz: part: row 5: no number: expected the number of a part of the file$"
+        StudyError,
+        match=r"a.npz: part: row 5: no number: expected the number of the part that the row belongs to$",
     ):
         load_logs([tmp_path / "a.npz"], parts)

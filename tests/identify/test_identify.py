@@ -111,7 +111,7 @@ def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
     assert (kept.cogging, kept.ripple, kept.encoder) == (six, six, ())
     assert kept.left_out == (
         "Before.",
-        "Cogging of order 18 is too small for these logs and is left out. "
+        "Cogging of order 18 is too small to be identified from these logs and is left out. "
         f"It may be up to {3.3e3 * doubtful.K_t:.2g} mN*m.",
     )
     none = command.standing_out(replace(doubtful, cogging=doubtful.cogging[1:]))

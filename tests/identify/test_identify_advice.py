@@ -399,7 +399,7 @@ def test_a_current_of_the_wrong_sign_is_turned() -> None:
         log["i_q"] = -log["i_q"]
     with pytest.raises(AdvisedError):
         identified(logs)
-    line, made = mended(logs, bench.columns(), "the current brakes the motor")
+    line, made = mended(logs, bench.columns(), "as if the current braked the motor")
     assert line.cures == ({"columns.i_q.sign": -1},) and inertia_off(made) < 0.02
 
 

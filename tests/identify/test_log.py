@@ -117,8 +117,8 @@ def test_a_current_beyond_three_times_the_drive_s_limit_is_in_another_unit(tmp_p
         with pytest.raises(StudyError) as error:
             logging._within_limit("a", {signal: np.array([0.0, 0.5, -0.91])}, small)
         assert str(error.value) == (
-            f"a: {heading}: row 3: 0.91 A, where the drive's limit is 0.3 A: expected its unit, such as "
-            'unit = "mA"'
+            f"a: {heading}: row 3: 0.91 A, where the drive's limit is 0.3 A: expected the column's unit, "
+            'such as unit = "mA"'
         )
 
 
@@ -208,7 +208,7 @@ def test_more_than_two_and_a_half_periods_between_rows_are_a_gap(
     (log,) = logging.load_logs([tmp_path / "a.npz"], load(tmp_path / "id.toml"))
     assert log.stretches == ((slice(0, 400), slice(400, 1000)) if cut else (slice(0, 1000),))
     gaps = [line for line in log.remarks if "gaps" in line]
-    assert gaps == ["a.npz: 1 gaps, the longest 2.6 s; the log is cut there."] * cut
+    assert gaps == ["a.npz: 1 gaps, the longest 2.6 s; the log is cut at each gap."] * cut
 
 
 def test_half_of_the_rows_may_have_the_time_of_the_row_before(tmp_path: Path) -> None:

@@ -189,9 +189,9 @@ def test_the_real_motors_hold_map(tmp_path):
     assert np.degrees(by_order[72]["phase_rad"]) == pytest.approx(40.5, abs=1.5)
     assert "j" not in found["values"]
     assert 12 not in by_order
-    assert any(line.startswith("One speed only") for line in found["left_out"])
+    assert any(line.startswith("The logs have only one speed") for line in found["left_out"])
     _, missing = done.stdout.split("\n\nNot in these logs:\n")
-    assert missing.startswith("! ") and "\n! One speed only" in f"\n{missing}"
+    assert missing.startswith("! ") and "\n! The logs have only one speed" in f"\n{missing}"
     assert done.stdout.endswith("Next: cogless identify --plan STUDY, which says what to record\n")
 
 

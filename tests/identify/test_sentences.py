@@ -148,8 +148,8 @@ def test_one_speed_says_which_and_what_its_current_is() -> None:
     """The mean current in the direction of motion: friction and load together."""
     both = [turning(TURN, i_q=0.2), turning(-TURN, i_q=-0.1)]
     assert findings.said_of_one_speed(both) == (
-        "One speed only (1 rev/s): inertia, friction and delay cannot be identified (its mean current, "
-        "0.15 A, is friction and load together); add an acceleration log and a second speed."
+        "The logs have only one speed (1 rev/s): inertia, friction and delay cannot be identified (its mean "
+        "current, 0.15 A, is friction and load together); add an acceleration log and a second speed."
     )
 
 
@@ -170,7 +170,7 @@ def test_inertia_that_is_not_larger_than_its_error_takes_friction_along(known: I
         made = findings.without_nonsense(estimate(known, values={"j": Value(inertia, 1.0), **told}), left)
         assert set(made.values) == ({"j", *told} if kept else {"offset"})
         said = (
-            "Inertia is not larger than its error, and without the inertia friction and delay cannot be "
+            "Inertia is not larger than its error, so inertia, friction and delay cannot be "
             "identified; add an acceleration log."
         )
         assert left == [said] * (not kept)
@@ -212,7 +212,7 @@ def test_orders_that_no_log_shows_are_named_with_the_speed_at_which_one_would(kn
     (line,) = left
     assert (
         line == "one.csv: orders are seen up to 6 at 13 rev/s, the slowest speed. A motor of 4 pole pairs "
-        "may also cog at order 48. To see this order needs 1.5 rev/s."
+        "may also cog at order 48. To see this order, turn at 1.5 rev/s."
     )
     just = 80 * 6.25 / 48  # what is advised has a tenth to spare
     assert isinstance(line, Advice) and line.cures[0]["record.speed"] == pytest.approx(0.9 * just)
@@ -343,7 +343,9 @@ def test_offsets_of_the_phases_are_taken_out_of_i_q(known: Identification) -> No
     theta = 0.5 * DT * np.arange(2000)
     off = log(kind="bridge-off", i_a=0.03, i_b=-0.01, i_c=0.004)  # of which no angle is needed
     (made,), said = findings.usable(known, [off, log(theta=theta, i_q=0.1)])
-    assert said == ["With the bridge off the phase currents show 30, -10, 4 mA; this is taken out of i_q."]
+    assert said == [
+        "With the bridge off the phase currents show 30, -10, 4 mA; these offsets are taken out of i_q."
+    ]
     offsets = zip((0.03, -0.01, 0.004), (0.0, TURN / 3, 2 * TURN / 3), strict=True)
     wave = sum(offset * np.sin(4 * theta - phase) for offset, phase in offsets)
     assert made["i_q"] == pytest.approx(0.1 + 2 / 3 * wave)
@@ -352,7 +354,7 @@ def test_offsets_of_the_phases_are_taken_out_of_i_q(known: Identification) -> No
 def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) -> None:
     """What turns its rotor is not known, be it a hand; one that stands still needs no sentence."""
     currents = {"i_a": 0.0, "i_b": 0.0}
-    taken = "With the bridge off the phase currents show 0, 0, -0 mA; this is taken out of i_q."
+    taken = "With the bridge off the phase currents show 0, 0, -0 mA; these offsets are taken out of i_q."
     turned = (
         "off.csv: this log gives only the currents' offsets, since with the bridge off it is not known what "
         "turns the rotor; if nothing turns it, give the log the kind coast-down."
@@ -430,8 +432,8 @@ def test_a_current_that_brakes_what_turns_has_the_wrong_sign(
         with pytest.raises(StudyError) as error:
             check()
         assert str(error.value) == (
-            "a.csv: i_q: the current brakes the motor that it turns (inertia and friction come out "
-            'negative): expected the other sign: columns.i_q = { name = "i_q", sign = -1 }'
+            "a.csv: i_q: inertia and friction come out negative, as if the current braked the motor that it "
+            'drives: expected the other sign: columns.i_q = { name = "i_q", sign = -1 }'
         )
     else:
         check()
@@ -593,8 +595,8 @@ def test_the_answer_has_a_span_where_logs_differ() -> None:
     unclear = order_at(1, 1.0, Cause("encoder or mechanics", 1.0, 0.4))
     assert "is encoder or mechanics, which cannot be told apart here: 90 % of" in told(unclear)
     assert told(order_at(6, 1.0, share=0.1)) == (
-        "Most of the ripple is of no order of the rotor that these logs can show: vibration, or slow changes "
-        "of the speed."
+        "Most of the ripple belongs to no order of the rotor that these logs can show, so it is vibration, "
+        "or slow changes of the speed."
     )
 
 

@@ -47,14 +47,16 @@ def changed(logs, name, **signals):
 def test_one_speed_tells_no_inertia(tmp_path):
     text, logs = shortened()
     said = refused(tmp_path, text, {"one-speed": logs["one-speed"]})
-    assert said.startswith("One speed only (1 rev/s): inertia, friction and delay cannot be identified")
+    assert said.startswith(
+        "The logs have only one speed (1 rev/s): inertia, friction and delay cannot be identified"
+    )
     assert "add an acceleration log and a second speed" in said
 
 
 def test_a_current_of_the_wrong_sign_is_refused_with_the_line_that_turns_it(tmp_path):
     text, logs = shortened()
     said = refused(tmp_path, text, changed(logs, "fast", i_q=-logs["fast"]["i_q"]))
-    assert said.startswith("fast.npz: i_q: the current brakes the motor")
+    assert said.startswith("fast.npz: i_q: inertia and friction come out negative")
     assert 'columns.i_q = { name = "i_q", sign = -1 }' in said
 
 
@@ -214,7 +216,7 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             CSV.replace("0.01,0.10000,10,0.1", "0.01,0,10000,10,0.1").encode(),
-            "a.csv: row 11: 5 cells: expected 4, as in the heading, and decimal points",
+            "a.csv: row 11: 5 cells: expected 4, as in the heading, with decimal points, not commas",
         ),
         (
             "a.csv",
@@ -294,7 +296,8 @@ ROWS = [[float(x) for x in line.split(",")] for line in CSV.splitlines()[1:]]
         (
             3,
             1e3,
-            'i_q: row 1: 100 A, where the drive\'s limit is .* A: expected its unit, such as unit = "mA"',
+            "i_q: row 1: 100 A, where the drive's limit is .* A: expected the column's unit, "
+            'such as unit = "mA"',
         ),
     ],
 )

@@ -101,7 +101,7 @@ def test_a_page_of_ones_own_motor_needs_it_in_a_datasheets_words(capsys, tmp_pat
     study = live_studies.study(tmp_path).source.path
     code, _, error = cogless(capsys, "live", study, "--own-motor", "-o", tmp_path / "page.html")
     words = "motor.resistance_line_to_line, motor.inductance_line_to_line, motor.kv"
-    told = f"{study}: {words}: missing: expected this with --own-motor, in place of R_s, L_d, L_q, psi_f\n"
+    told = f"{study}: {words}: missing: expected with --own-motor, in place of R_s, L_d, L_q, psi_f\n"
     assert (code, error) == (2, told) and not (tmp_path / "page.html").exists()
 
 

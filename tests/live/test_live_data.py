@@ -62,7 +62,7 @@ def test_keys_are_direct_or_have_stops_or_are_left_out(adjusted):
     by_name = {key.candidate.key: key for key in found.keys}
     assert list(by_name) == ["a", "c", "g", "k", "h"]
     assert found.left_out == [
-        ("b", "another key of the page already sets the numbers that it changes"),
+        ("b", "another key of the page already sets the numbers that this key changes"),
         ("e", "expected less"),
         ("f", OTHER_SHAPE),
         ("few", "expected less"),

@@ -70,7 +70,7 @@ def test_a_motors_numbers_can_be_changed_for_plant_and_controller(own):
 
 def test_gains_of_which_the_motor_already_decides_are_left_out(own):
     _, found = own
-    same = "another key of the page already sets the numbers that it changes"
+    same = "another key of the page already sets the numbers that this key changes"
     assert found.left_out == [("controller.pi.tuning.phase_margin", same), ("controller.harmonic.base", same)]
 
 
@@ -330,7 +330,7 @@ def test_a_number_that_is_no_product_is_refused(own):
 
 def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
     with pytest.raises(
-        StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected this with"
+        StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected with"
     ):
         adjustable(small_study, for_own_motor=True)
 

@@ -245,7 +245,7 @@ def test_ramps_without_a_partner_or_a_direction_are_refused(
     paths = rest_logs(tmp_path)
     assert "no backward run" in identify(capsys, axis_file, paths[:2], "klipper")[2]
     alone = identify(capsys, axis_file, [paths[0]], "klipper")[2]
-    assert "is without its second log: expected the same file name with probe" in alone
+    assert ': its second log is missing: expected a file of the same name, but with "probe"' in alone
     other = tmp_path / "other.csv"
     other.write_text(paths[0].read_text())
     unnamed = identify(capsys, axis_file, [other], "klipper")[2]

@@ -579,7 +579,7 @@ def test_a_late_current_of_a_step_motor_loses_its_torque_as_the_cosine(tmp_path:
     """
     drive = study(tmp_path, SMALL, BACKWARDS)
     (remark,) = beyond_drive(drive, ["slow"])
-    assert "the angle is 45 deg (electrical) late, which leaves 71 % of the torque" in str(remark)
+    assert "the sampled angle is 45 deg (electrical) late, which leaves 71 % of the torque" in str(remark)
     cured = list(remark.cured(drive))
     assert abs(np.mean(run(drive).trace.part("omega_m", slice(-200, None)))) > 2 * math.tau * 100 / 60  # gone
     slow = {"scenario.slow.reference": "-100 rpm", "scenario.slow.initial_speed": "-100 rpm"}

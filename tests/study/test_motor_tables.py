@@ -182,8 +182,8 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
         ("cogging_table", cogging, {"sign": "on-rotor", "orders": [400]},
             "orders: [400]: expected orders up to 359, half the points of the table"),
         ("cogging_table", lambda theta: cogging(theta) + 4e-3, {"sign": "on-rotor"},
-            'file: "table.csv": expected a mean of zero, not 1.36 of the rms: '
-            "perhaps it contains friction or an offset"),
+            'file: "table.csv": expected a mean of zero, not 1.36 times the rms: '
+            "perhaps the table contains friction or an offset"),
         ("cogging_table", lambda theta: 1e-3 * NOISE, {"sign": "on-rotor"},
             'file: "table.csv": expected a table of which 48 orders or fewer hold all but 2% of the rms; '
             'this one needs '),
@@ -203,7 +203,7 @@ def test_mistakes_are_one_line(
 @pytest.mark.parametrize(
     ("of", "keys", "line"),
     [
-        (lambda theta: np.sin(4 * theta) + 1, {}, "file: expected a mean of zero, not 1.41 of the rms"),
+        (lambda theta: np.sin(4 * theta) + 1, {}, "file: expected a mean of zero, not 1.41 times the rms"),
         (np.sin, {"orders": [400]}, "orders: expected orders up to 359, half the points"),
         (lambda theta: np.sin(8 * theta), {},
             "file: expected a fundamental (order 4) of more than 10% of the rms: perhaps pole_pairs or "
@@ -247,7 +247,7 @@ def test_the_mean_of_a_cogging_table_may_be_a_tenth_of_its_rms(
     if fine:
         assert [c.order for c in star({**of, "sign": "on-rotor"}).cogging] == [20]
     else:
-        with pytest.raises(ValueError, match=r"expected a mean of zero, not 0\.101 of the rms"):
+        with pytest.raises(ValueError, match=r"expected a mean of zero, not 0\.101 times the rms"):
             star({**of, "sign": "on-rotor"})
 
 

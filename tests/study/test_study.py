@@ -631,5 +631,7 @@ def test_a_magnet_table_bends_less_than_leaves_an_inductance(
         if share < 1:
             made.check(L, L)
         else:
-            with pytest.raises(ValueError, match=rf"no inductance at i_d = {sign * reach:g} A, i_q = 0 A"):
+            with pytest.raises(
+                ValueError, match=rf"the inductance is not above zero at i_d = {sign * reach:g} A, i_q = 0 A"
+            ):
                 made.check(L, L)

@@ -310,8 +310,8 @@ line_of = partial(refusal, studies.study)
             'metric.1.name: "speed_ripple": expected a name that no other metric of scenario "low" has'),
         ("metric.1.name", "a b", 'metric.1.name: "a b": expected a name of letters, digits and _'),
         ("metric.1.order", [1, 2000],
-            "metric.1.order: [1, 2000]: expected orders below 1875, half the trace's rate of 15000 Hz "
-            'at the top speed of scenario "low"'),
+            "metric.1.order: [1, 2000]: expected orders below 1875: at the top speed of scenario "
+            '"low" only these are below half the trace\'s rate of 15000 Hz'),
         ("metric.1.order", [], 'metric.1.order: []: expected this key, since kind is "order"'),
         ("metric.0.band", "1 rpm", 'metric.0.band: "1 rpm": expected no such key, since kind = '
             '"peak-to-peak": delete band, or set a kind that takes band; band is from --set, kind from the '
@@ -925,7 +925,7 @@ def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: 
     path.write_text("[plant.a]\n[law.b]\n")
     assert (
         refusal(load, path)
-        == "arena.toml: is an arena: expected a study; only cogless run takes an arena, too"
+        == "arena.toml: is an arena: expected a study, since only cogless run takes an arena"
     )
 
     def refused(*_: Any, **__: Any) -> str:

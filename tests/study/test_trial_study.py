@@ -282,9 +282,9 @@ VERTICES = {
         (DRIVE, "design.initial_state", [0, 0, 0],
             "design.initial_state: [0, 0, 0]: expected a number other than zero"),
         (DRIVE, "design.initial_change", [0, 0],
-            "design.initial_change: [0, 0]: expected 3 numbers, as many as state_weight has"),
+            "design.initial_change: [0, 0]: expected 3 numbers, as many as state_weight has rows"),
         (DRIVE, "design.initial_state", [1], "design.initial_state: [1]: expected 3 numbers, as many as "
-            "state_weight has"),
+            "state_weight has rows"),
         (DRIVE, "design.range", {"motor.R_s": ["1 ohm", "2 ohm"]},
             'design.range."motor.R_s": ["1 ohm", "2 ohm"]: expected one of mechanics.inertia, '
             "mechanics.viscous_friction, motor.K_t"),

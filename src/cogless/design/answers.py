@@ -184,7 +184,7 @@ def _certified(study: Study, name: str, certificate: Certificate, scenarios: Seq
             )
         doubt = doubt or _coarse_doubt(study, at_speeds, cures)
         if doubt:
-            seeds = "runs of the study with several seeds show it, such as with --set seed=1"
+            seeds = "runs with several seeds, such as --set seed=1, show whether learning helps"
             words = f"not sure: {doubt}; {seeds}. For small signals the answer is {settles}"
             return Answer(
                 "not sure",
@@ -284,11 +284,11 @@ def _not_worth_it(study: Study, speeds: Sequence[Remaining]) -> str:
     parts = {
         "the position sensor's steps": little.steps,
         "the position sensor's error": little.error,
-        "orders that it does not learn": little.unlearned,
+        "orders that the law does not learn": little.unlearned,
         "noise of the current sensors": little.noise,
     }
     learned, alone = (speed_text(study, size, 3) for size in (little.learned, little.alone))
-    compared = f"learning leaves {learned} of ripple, and its feedback alone leaves {alone}"
+    compared = f"learning leaves {learned} of ripple, and the feedback alone leaves {alone}"
     by = max(parts, key=lambda part: parts[part])
     at = speed_text(study, little.omega_m)
     answer = f"not worth it: at {at} {compared}. Most of what learning leaves comes from {by}"

@@ -104,7 +104,9 @@ def late_angle(study: Study, scenario: str) -> Remark | None:
     costs = (
         f"leaves {100 * torque_share:.0f} % of the torque" if torque_share > 0.005 else "reverses the torque"
     )
-    sentence = f"at {speed_text(study, top)} the angle is {degrees:.0f} deg (electrical) late, which {costs}"
+    sentence = (
+        f"at {speed_text(study, top)} the sampled angle is {degrees:.0f} deg (electrical) late, which {costs}"
+    )
     sensor = for_scenario(study, scenario).drive.position_sensor
     assert isinstance(sensor, Counted)
     younger: Changes = {

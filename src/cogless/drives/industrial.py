@@ -85,12 +85,12 @@ def write_ax8000(current: HoldingCurrent, frame: TableFrame) -> TableText:
         applied,
         install=f"put the lines of FILE into the startup list of object 0x{AX8000_OBJECT:X}",
         remove=f"0x{AX8000_OBJECT:X}:01 = 4",
-        sign_check="one order at a time, gain :02 = 0.3, phase + 0, 90, 180 and 270 deg, each at a slow "
-        "speed: the phase that leaves the least of that order is the drive's",
+        sign_check="one order at a time, at a slow speed: set the table's gain :02 to 0.3, then add 0, 90, "
+        "180 and 270 deg to the order's phase; the phase that leaves the least ripple of this order is right",
         notes=(
-            "The manual says neither sine or cosine, nor the sign, nor where the angle is zero: a cosine "
-            "with the sign of the holding torque is written. Another zero moves the phase of each order by "
-            "another angle, so each order needs its own test.",
+            "The manual does not say whether the drive adds sines or cosines, with which sign, or where its "
+            "angle is zero. The file has cosines with the sign of the holding torque. If the drive's zero "
+            "differs, each order's phase is wrong by another angle, so each order needs its own test.",
         ),
     )
 
@@ -107,7 +107,8 @@ NOVANTA = Adapter(
     title="Novanta Summit",
     reads=(),
     writes=(),
-    refusal="its table is over the electrical angle, so it holds only multiples of the pole pairs",
+    refusal="its table is over the electrical angle, so it holds only orders that are multiples of the pole "
+    "pairs",
 )
 AX8000 = Adapter(
     name="ax8000",

@@ -124,8 +124,8 @@ def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
             if lacking is not None:
                 other = next(iter(pair.values())).name
                 raise StudyError(
-                    f"{paths[0].parent}: {other} is without its second log: expected the same file name "
-                    f"with {lacking}"
+                    f"{paths[0].parent}: {other}: its second log is missing: expected a file of the same "
+                    f'name, but with "{lacking}"'
                 )
         chosen[direction] = pairs
     for direction, pairs in chosen.items():

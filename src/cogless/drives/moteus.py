@@ -321,7 +321,7 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
     """A log in SI units, with the angle of the table's index if a channel has it."""
     stats = log.stats
     if len(stats["timestamp"]) < CHANNEL_ROWS_LEAST:
-        raise StudyError(f"{log.path}: {len(stats['timestamp'])} rows: expected a log")
+        raise StudyError(f"{log.path}: {len(stats['timestamp'])} rows: expected {CHANNEL_ROWS_LEAST} or more")
     t = sent_times(stats["timestamp"]) if log.stamped else stats["timestamp"]
     start = t[0]
     theta = math.tau / dump.ratio * stats["position"]

@@ -166,8 +166,9 @@ def _monitor(path: Path, tables: dict[str, Any]) -> list[str]:
     for name in ("Iq", "angle"):
         if names.count(name) != 1:
             raise StudyError(
-                f"{path}: monitor: {name}: expected once: motor.monitor_variables = _MON_CURR_Q | _MON_VEL | "
-                "_MON_ANGLE prints Iq, velocity and angle; Iq needs current sense or estimated_current"
+                f"{path}: monitor: {name}: expected once in the list; motor.monitor_variables = _MON_CURR_Q "
+                "| _MON_VEL | _MON_ANGLE prints Iq, velocity and angle; Iq needs current sense or "
+                "estimated_current"
             )
     return names
 

@@ -173,7 +173,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         good = {name: values[: fault.rows] for name, values in log.columns.items()}
         columns, losses = _whole_rows(path, good)
         if len(columns[TIME_HEADING]) < LOG_ROWS_LEAST:
-            raise StudyError(f"{path}: {len(columns[TIME_HEADING])} rows: expected a log")
+            raise StudyError(f"{path}: {len(columns[TIME_HEADING])} rows: expected {LOG_ROWS_LEAST} or more")
         signals, turns, lines = _signals(path, columns, pairs)
         encoder_turns = encoder_turns and turns
         recordings.append(Recording(path, "", signals, remarks=(*log.remarks, *losses)))

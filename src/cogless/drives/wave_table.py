@@ -171,9 +171,9 @@ def write(correction: Correction, chip: str) -> CorrectionText:
         "\n".join(wave.config_lines()) + "\n",
         share,
         [
-            f"The table leaves {share:.0%} of the correction: a wave table holds only sin 4u, "
-            f"{size_held:+.4f} rad here, for both directions.",
-            f"A wave table can't hold orders {', '.join(map(str, others))} and the cosine of order 4.",
+            f"The table leaves {share:.0%} of the correction: a wave table holds only the sine of "
+            f"order 4, {size_held:+.4f} rad here, the same in both directions.",
+            f"A wave table can't hold orders {', '.join(map(str, others))} or the cosine of order 4.",
         ],
         install=f"put FILE's lines into [{chip} stepper_{correction.motor}] of printer.cfg, then RESTART",
         remove="delete these lines, then RESTART",

@@ -121,7 +121,7 @@ class Reader:
         if self.whole:
             low, high = float(math.ceil(low)), float(math.floor(high))
             if not low < high:
-                raise self.wrong("expected a range with two whole numbers or more")
+                raise self.wrong("expected a range that contains two or more whole numbers")
         if not low < high:
             raise self.wrong("expected a range whose second limit is above its first")
         return low, high

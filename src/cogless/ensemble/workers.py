@@ -34,7 +34,8 @@ T = TypeVar("T")
 MOST_LOSSES = 3  # a task is given up when this many of its workers have died
 TASKS_AHEAD = 2  # tasks that are sent per worker: one runs, one waits
 EXECUTOR_BROKEN = (
-    "a worker process of the caller's executor died: expected a new executor; the same call goes on from here"
+    "a worker process of the caller's executor died: expected a new executor; the same call "
+    "with it continues from here"
 )
 END_PROCESS = os._exit  # for a worker that ends itself; for tasks os._exit is blocked
 CLUSTER_PATIENCE = 10  # s, within which a cluster must answer
@@ -210,7 +211,7 @@ def _use(
                 result = future.result()
             except CancelledError:
                 raise StudyError(
-                    "the cluster is gone: the same command, called again, goes on from here"
+                    "the cluster is gone: the same command, repeated, continues from here"
                 ) from None
             except Exception as error:
                 if not _is_loss(error):

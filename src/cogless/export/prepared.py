@@ -158,7 +158,7 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     if prepared.has_bus:
         raise StudyError(
             f"{study.source.path}: drive.bus: behind a field bus the law runs apart from the drive: expected "
-            "no drive.bus, since the export has both in one"
+            "no drive.bus, since an export joins law and drive"
         )
     return prepared
 

@@ -89,7 +89,7 @@ def check(folder: Path) -> None:
             continue
         if sums is None or name not in sums:
             raise StudyError(
-                f"{folder}: not empty: {name}: expected a new or empty folder, or an earlier export as it was"
+                f"{folder}: not empty: {name}: expected a new or empty folder, or an unchanged earlier export"
             )
         if sums[name] != _sum(path.read_bytes()):
             raise StudyError(f"{folder}: {name}: changed since its export: expected a new or empty folder")

@@ -87,8 +87,8 @@ def standing_out(estimate: Estimate) -> Estimate:
         if large:
             orders = ", ".join(map(str, large))
             remarks.append(
-                f"{kind[0].upper()}{kind[1:]} of order {orders} is too small for these logs and is left out. "
-                f"It may be up to {max(bounds.values()) * factor:.2g} {unit}."
+                f"{kind[0].upper()}{kind[1:]} of order {orders} is too small to be identified from these "
+                f"logs and is left out. It may be up to {max(bounds.values()) * factor:.2g} {unit}."
             )
     unknown = tuple(wave for wave in estimate.of_unknown_cause if wave.size.value > wave.size.error)
     left_out = (*estimate.left_out, *remarks)

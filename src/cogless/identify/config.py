@@ -56,7 +56,7 @@ def _unit_factor(unit: str, dimension: Dimension) -> float:
         return units.factor(unit, dimension)
     factor = units.parse(unit, dimension)
     if not 0 < factor < math.inf:
-        raise units.UnitError(f'expected a unit, or a number above 0 with one, not "{unit}"')
+        raise units.UnitError(f'expected a unit, or a number above 0 with a unit, not "{unit}"')
     return factor
 
 
@@ -145,7 +145,11 @@ class Identification(Table):
     ) -> Mapping[str, Controller]:
         for name, law in controller.items():
             if law.code is not None and name not in (info.context or {}).get("laws", ()):
-                raise invalid("expected a law that cogless has: logs are replayed many times", name, "law")
+                raise invalid(
+                    "expected a law of cogless, not code of your own, since each log is simulated many times",
+                    name,
+                    "law",
+                )
         return controller
 
     @model_validator(mode="after")

@@ -131,7 +131,10 @@ def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> Lo
         if numbers is None:
             numbers = table.checked(lines, rows)
         if not len(numbers) and len(lines) > EMPTY_LINES_MOST:
-            raise StudyError(f"{path}: row {rows + 1}: {len(lines)} empty lines before it: expected rows")
+            raise StudyError(
+                f"{path}: row {rows + 1}: {len(lines)} empty lines before it: expected {EMPTY_LINES_MOST} or "
+                "fewer"
+            )
         rows += len(numbers)
         require_numbers(path, rows * len(places))
         pieces.append(numbers)
@@ -233,7 +236,7 @@ def _rows_only(
             yield lines
     if repeated:
         remarks.append(
-            f"{path.name}: the heading comes {repeated + 1} times; those between rows are left out."
+            f"{path.name}: the heading comes {repeated + 1} times; the headings between rows are left out."
         )
 
 
@@ -290,7 +293,8 @@ class _Table:
             if len(values) > cells and any(cell.strip() for cell in values[cells:]):
                 expected = f"expected {cells}, as in the heading"
                 raise StudyError(
-                    f"{self.path}: row {row}: {len(values)} cells: {expected}, and decimal points"
+                    f"{self.path}: row {row}: {len(values)} cells: {expected}, with decimal points, "
+                    "not commas"
                 )
             numbers = []
             for name, place in self.places.items():

@@ -366,8 +366,8 @@ def answer(diagnosis: Diagnosis) -> str:
     shares = list(by_log.values())
     if name == NO_ORDER:
         return (
-            f"Most of the ripple is of {NO_ORDER} of the rotor that these logs can show: vibration, or "
-            "slow changes of the speed."
+            f"Most of the ripple belongs to {NO_ORDER} of the rotor that these logs can show, so it is "
+            "vibration, or slow changes of the speed."
         )
     low, high = 100 * min(shares), 100 * max(shares)
     span = f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"

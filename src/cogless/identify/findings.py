@@ -44,7 +44,8 @@ def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Lo
     if offsets is not None:
         offset_text = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
         sentences.append(
-            f"With the bridge off the phase currents show {offset_text} mA; this is taken out of i_q."
+            f"With the bridge off the phase currents show {offset_text} mA; these offsets are taken out of "
+            "i_q."
         )
     for log in logs:
         if log.kind == "bridge-off":
@@ -196,8 +197,8 @@ def check_sign(identification: Identification, logs: Sequence[Log], rows: Sequen
             heading = identification.columns["i_q"].name
             raise AdvisedError(
                 Advice(
-                    f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and "
-                    "friction come out negative): expected the other sign: "
+                    f"{log.name}: {heading}: inertia and friction come out negative, as if the current "
+                    "braked the motor that it drives: expected the other sign: "
                     f'columns.i_q = {{ name = "{heading}", sign = {-identification.columns["i_q"].sign} }}',
                     {"columns.i_q.sign": -identification.columns["i_q"].sign},
                 )
@@ -216,8 +217,9 @@ def said_of_one_speed(logs: Sequence[Log]) -> str:
     turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
     mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
     return Advice(
-        f"One speed only ({speed:.3g} rev/s): inertia, friction and delay cannot be identified (its mean "
-        f"current, {mean:.3g} A, is friction and load together); add an acceleration log and a second speed.",
+        f"The logs have only one speed ({speed:.3g} rev/s): inertia, friction and delay cannot be identified "
+        f"(its mean current, {mean:.3g} A, is friction and load together); add an acceleration log "
+        "and a second speed.",
         logs_of_kind("acceleration", "constant-speed"),
     )
 
@@ -412,8 +414,8 @@ def without_nonsense(estimate: Estimate, left_out: list[str]) -> Estimate:
     if "j" in values and not values["j"].value > 2 * values["j"].error:
         left_out.append(
             Advice(
-                "Inertia is not larger than its error, and without the inertia friction and delay cannot "
-                "be identified; add an acceleration log.",
+                "Inertia is not larger than its error, so inertia, friction and delay cannot be identified; "
+                "add an acceleration log.",
                 logs_of_kind("acceleration"),
             )
         )
@@ -468,16 +470,16 @@ def _out_of_sight(estimate: Estimate) -> list[str]:
         return []
     slower = SPARE_SPEED * turning * highest / order
     cures = [recording(speed=slower, log=log.name)]
-    needs = f"{slower / TURN:.2g} rev/s"
+    needs = f"turn at {slower / TURN:.2g} rev/s"
     by_rows = narrowest_width(log)
     if estimate.model.width(log) < (1 + WIDTH_SLACK) * by_rows:  # more rows make the kernel narrower
         rate = _up(by_rows / log.dt * order * turning / BLUR_PHASE / SPARE_SPEED)
         cures = [recording(rate=rate, log=log.name), *cures]
-        needs = f"{rate:.0f} rows a second or {needs}"
+        needs = f"record {rate:.0f} rows a second, or {needs}"
     return [
         Advice(
             f"{log.name}: orders are seen up to {highest:.0f} at {turning / TURN:.2g} rev/s, the slowest "
-            f"speed. A motor of {poles} pole pairs may also cog at order {order}. To see this order needs "
+            f"speed. A motor of {poles} pole pairs may also cog at order {order}. To see this order, "
             f"{needs}.",
             *cures,
         )

@@ -131,8 +131,8 @@ def _parts(path: Path, log: LogColumns, identification: Identification) -> Itera
     if np.isnan(values).any():
         row = np.flatnonzero(np.isnan(values))[0] + 1
         raise StudyError(
-            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of a "
-            "part of the file"
+            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected the number of "
+            "the part that the row belongs to"
         )
     parts = np.unique(values)
     if len(parts) > FILE_LOGS_MOST:
@@ -154,8 +154,8 @@ def _require_columns(logs: Sequence[tuple[Path, LogColumns]], identification: Id
             lines.append(_lacking(where, lacking, logs, log.headings, identification))
         lines += [
             Advice(
-                f'{where}: it has the column "{column.name}" ({signal}), and columns.{signal}.files does not '
-                "name it: expected the files that have the column",
+                f'{where}: has the column "{column.name}" ({signal}), but columns.{signal}.files does not '
+                "name this file: expected the files that have the column",
                 {f"columns.{signal}.files": [*column.files, escape(name)]},
             )
             for signal, column in identification.columns.items()
@@ -177,7 +177,7 @@ def _no_clock(where: str, signal: str, identification: Identification) -> str:
         return f"{where}: {heading}: times of day: expected numbers, or columns.t.name = {_quoted([heading])}"
     return Advice(
         f"{where}: {heading}: times of day, which become seconds: expected columns.t without unit, "
-        "sign and scale",
+        "sign or scale",
         {"columns.t": heading},
     )
 
@@ -286,7 +286,9 @@ def _before_a_column_ends(
 
 def ended_early(channel: str, end: float, others: str, other_end: float) -> str:
     """The remark on a channel that ends before others of its log. `end`, `other_end`: s after the start."""
-    return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: the log is used up to there."
+    return (
+        f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: rows after {end:.4g} s are left out."
+    )
 
 
 def _complete(
@@ -432,7 +434,7 @@ def _timed(
     edges = [0, *ends.tolist(), len(t)]
     if len(ends):
         longest = float(np.max(np.diff(t)))
-        remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
+        remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut at each gap.")
     _within_limit(where, signals, identification)
     _amplitudes_agree(where, signals, identification)
     if "theta" in signals:
@@ -510,8 +512,8 @@ def _within_limit(where: str, signals: Columns, identification: Identification) 
                 Advice(
                     f"{where}: {_heading(identification, signal)}: "
                     f"row {np.argmax(np.abs(signals[signal])) + 1}: "
-                    f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
-                    'such as unit = "mA"',
+                    f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected the column's "
+                    'unit, such as unit = "mA"',
                     {f"columns.{current}.unit": "mA" for current in CURRENTS if current in signals},
                 )
             )

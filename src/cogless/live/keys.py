@@ -43,8 +43,8 @@ TRIED_VALUES = 20
 END_HALVINGS = 5
 PAIRS_REPEATS = 9  # copies of a value: all but the first are tried, each with other pole pairs
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
-SAME_NUMBERS = "another key of the page already sets the numbers that it changes"
-OTHER_SHAPE = "with another value of it, a run needs more or fewer numbers than the page holds"
+SAME_NUMBERS = "another key of the page already sets the numbers that this key changes"
+OTHER_SHAPE = "with another value of this key, a run needs more or fewer numbers than the page holds"
 Samples = Callable[[Candidate], list[float]]
 Columns = Mapping[Number, Mapping[float, float]]  # by number: its value at each stop
 
@@ -226,7 +226,7 @@ def _check_words(study: AnyStudy, present: Set[str]) -> None:
         motor = study.source.tables.get("motor", {})
         others = replaced_by_any(key.removeprefix("motor.") for key in missing)
         in_place = ", ".join(key for key in motor if key in others)
-        expected = f"expected this with --own-motor{f', in place of {in_place}' if in_place else ''}"
+        expected = f"expected with --own-motor{f', in place of {in_place}' if in_place else ''}"
         raise StudyError(f"{study.source.path}: {', '.join(missing)}: missing: {expected}")
 
 

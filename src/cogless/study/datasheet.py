@@ -68,8 +68,8 @@ class AngleFile(Table):
         rms = math.sqrt(sum(abs(c) ** 2 for _, c in all_[1:]) / 2)
         if abs(mean) > OFFSET_MOST * rms:
             raise invalid(
-                f"expected a mean of zero, not {mean / rms:.3g} of the rms: perhaps it contains friction or "
-                "an offset",
+                f"expected a mean of zero, not {mean / rms:.3g} times the rms: perhaps the table contains "
+                "friction or an offset",
                 *key,
                 "file",
             )

@@ -226,8 +226,11 @@ def orders(study: Study) -> None:
             if metric.order is None:
                 expected = f"expected another kind, or a trace.rate above {2 * max(counted) * turns:.4g} Hz"
                 raise invalid(f'{expected} for scenario "{name}"', "metric", index, "kind")
-            limit = f"expected orders below {half / turns:.4g}, half the trace's rate of {2 * half:g} Hz"
-            raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
+            limit = (
+                f'expected orders below {half / turns:.4g}: at the top speed of scenario "{name}" only these'
+            )
+            rate = f"half the trace's rate of {2 * half:g} Hz"
+            raise invalid(f"{limit} are below {rate}", "metric", index, "order")
 
 
 def of_trials(study: TrialStudy) -> None:

@@ -122,8 +122,8 @@ class Counted(Mounted):
         points.append((points[0][0] + math.tau, points[0][1]))
         if any(f - e <= a - b for (a, e), (b, f) in pairwise(points)):
             raise invalid(
-                "expected an error that falls more slowly than the angle rises, or the measured angle runs "
-                "backward",
+                "expected an error that falls more slowly than the angle rises: otherwise the measured angle "
+                "runs backward",
                 "error_table",
             )
         return self

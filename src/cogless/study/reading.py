@@ -141,7 +141,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     path = find(study, "studies", "study")
     tables = read(path)
     if is_arena(tables):
-        raise StudyError(f"{path}: is an arena: expected a study; only cogless run takes an arena, too")
+        raise StudyError(f"{path}: is an arena: expected a study, since only cogless run takes an arena")
     changes = dict(changes or {})
     if "motor.datasheet" in changes:
         _apply(f"{path}: ", tables, {"motor.datasheet": changes.pop("motor.datasheet")})

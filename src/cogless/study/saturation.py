@@ -187,7 +187,11 @@ class Saturation(Table):
             l_qq += i_d * float(cross(i_q, 2))
             if l_dd * l_qq <= float(cross(i_q, 1)) ** 2:
                 where = f"i_d = {i_d:.3g} A, i_q = {i_q:.3g} A"
-                raise invalid(f"expected less curvature: no inductance at {where}", "saturation", "magnet")
+                raise invalid(
+                    f"expected less curvature: the inductance is not above zero at {where}",
+                    "saturation",
+                    "magnet",
+                )
 
     @property
     def smallest(self) -> float:

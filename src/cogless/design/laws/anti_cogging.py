@@ -134,13 +134,13 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if share <= WORTHWHILE_SHARE:
         return None
     most = int(orders[np.argmax(remaining)])
-    run_does = f"turns too fast to record order {most}, at {most * speed / math.tau:.3g} Hz, well"
+    run_does = f"turns too fast to record order {most} ({most * speed / math.tau:.3g} Hz) well"
     if added > np.max(remaining):
         run_does = (
             f"records from {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after a reversal on, before the "
             "rotor has settled"
         )
-    return f"{run_does}: the table would leave {share:.2g} times the ripple"
+    return f"{run_does}: with the table the ripple would be {share:.2g} times that without"
 
 
 class AntiCoggingRules(FeedbackRules[AntiCogging]):

@@ -285,7 +285,9 @@ class Certificate:
 def _held_words(orders: tuple[int, ...]) -> str:
     if not orders:
         return ""
-    exceptions = f"{len(orders)} from {orders[0]} to {orders[-1]}" if len(orders) > 1 else f"{orders[0]}"
+    exceptions = (
+        f"{len(orders)} orders from {orders[0]} to {orders[-1]}" if len(orders) > 1 else f"{orders[0]}"
+    )
     return f", except {exceptions},"
 
 

@@ -539,8 +539,9 @@ def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: B
 def _choice_note(bench: Bench, choice: Choice) -> Remark:
     passes = "no filter" if choice.cutoff is None else f"a filter of {choice.cutoff:.3g} Hz"
     return Remark(
-        f"shift = {choice.shift}, {passes} and K_3 are chosen together. After {JUDGED_TRIALS} trials they "
-        f"leave {100 * bench.share_left(choice):.2g} % of the error of a load step, at the worst corner"
+        f"shift = {choice.shift}, {passes} and K_3 are chosen together. After {JUDGED_TRIALS} trials "
+        f"{100 * bench.share_left(choice):.2g} % of the error of a load step is left, at the worst corner "
+        "of the ranges"
     )
 
 
@@ -640,7 +641,8 @@ def _by_frequency(
     if settings.cutoff is None or settings.filtered != "signal":
         K_3, worst = best_gain(G)
         note = f"{BY_FREQUENCY}: {worst:.4g}"
-        sentence = f"{note}. Rule (35) is not used, since it is for a shift of {plant.relative_degree}"
+        unused = f"Rule (35) of Mandra 2019 is not used, since it is for a shift of {plant.relative_degree}"
+        sentence = f"{note}. {unused}"
         return (K_3, Remark(sentence)) if worst <= PROPOSED_FACTOR_MOST else None
     assert isinstance(settings.cutoff, float)
     q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
@@ -684,7 +686,8 @@ def _warnings(
         note += f"{_factor(part.growth)} a trial, from the ends of the "
         note += "filter" if part.with_filter else "trial"
     else:
-        note += f"{_factor(part.phi_radius or 1.0)} a sample, by the largest pole of the matrix Phi (27)"
+        note += f"{_factor(part.phi_radius or 1.0)} a sample, by the largest pole of the matrix Phi, "
+        note += "(27) of Mandra 2019"
     if update.ratio is None:
         loops = [law.closed(m, plant.C) for m in models]
         cutoff = workable_cutoff(

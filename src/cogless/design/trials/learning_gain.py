@@ -100,8 +100,8 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
     outside = f"{100 * hull.outside:.2g} % of its size"
-    note = f"the set of plants (23) reaches beyond the hull of its vertices by {outside}: a bounding polytope"
-    return widened, False, f"{note} of {len(widened)} vertices is used"
+    note = f"the set of plants, (23) of Mandra 2019, reaches beyond the hull of its vertices by {outside}"
+    return widened, False, f"{note}: a bounding polytope of {len(widened)} vertices is used"
 
 
 def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:
@@ -130,7 +130,7 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
         f"with K_3 = {rounded:g} the error at each vertex and frequency keeps at most {worst:.4g} of its size"
     )
     raise DesignError(
-        f"K_3: missing: expected a number, since rule (35) gives no certified K_3: {keeps}"
+        f"K_3: missing: expected a number, since rule (35) of Mandra 2019 gives no certified K_3: {keeps}"
     ).advising({"K_3": rounded})
 
 

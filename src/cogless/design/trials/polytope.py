@@ -347,7 +347,8 @@ def from_parameters(
         nominal = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
     missing = sorted(set(nominal) ^ set(ranges))
     if missing:
-        raise DesignError(f"nominal: expected exactly the parameters that have ranges: {missing[0]} differs")
+        lacks = "missing" if missing[0] in ranges else "without a range"
+        raise DesignError(f"nominal: expected the parameters that have ranges: {missing[0]} is {lacks}")
     _check_period(period)
 
     def physical(parameters: Parameters) -> Model:
@@ -475,7 +476,9 @@ def _plant(
         else:
             designs = [Model.from_entries(row, centre.order) for row in hull.vertices]
             labels = [f"vertex {k + 1} of the bounding polytope" for k in range(len(designs))]
-            note = f"{set_} reaches beyond its corners' hull by {100 * hull.outside:.2g} % of its size: "
+            note = (
+                f"{set_} reaches beyond the hull of its corners by {100 * hull.outside:.2g} % of its size: "
+            )
             note += f"a bounding polytope of {len(designs)} vertices is used"
     return UncertainPlant(
         C=output,

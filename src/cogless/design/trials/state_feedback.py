@@ -249,7 +249,8 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
             if gains is not None:
                 return gains
     raise DesignError(
-        "state_weight: expected weights for which the solver finds a gain; one gain can control the ranges"
+        "state_weight: expected other weights: with these the solver finds no gain, though one gain can "
+        "control the ranges"
     )
 
 

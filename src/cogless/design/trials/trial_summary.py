@@ -37,12 +37,12 @@ LEGEND = (
     "an observer: of missing inputs instead of errors);\n"
     "largest K_3: the largest K_3 with which no error grows, without the filter;\n"
     "share left: the share of the error without learning that is left at the end of a phase, at the worst "
-    "corner;\n"
+    "corner of the ranges;\n"
     "trials to the floor: trials in each phase until the simulated plant's error is within a tenth of its "
     "floor;\n"
     "floor: the final RMS of the error, with the sensor's rounding;\n"
     "load noise, sensor noise: error by white noise with learning, divided by that without, at the worst "
-    "corner"
+    "corner of the ranges"
 )
 
 

@@ -40,13 +40,16 @@ class Learner:
 
     @property
     def order_words(self) -> str:
-        """The learned orders in words, such as "orders 2, 4 to 256"."""
+        """The learned orders in words, such as "orders 2, 4, ..., 256"."""
         last = self.base * self.orders
         if self.orders == 1:
             return f"order {last}"
         if self.orders == 2:
             return f"orders {self.base} and {last}"
-        return f"orders 1 to {last}" if self.base == 1 else f"orders {self.base}, {2 * self.base} to {last}"
+        if self.base == 1:
+            return f"orders 1 to {last}"
+        rest = f" and {last}" if self.orders == 3 else f", ..., {last}"
+        return f"orders {self.base}, {2 * self.base}{rest}"
 
 
 class Harmonic(Feedback, LearnsWhileRunning):

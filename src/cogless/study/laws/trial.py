@@ -368,7 +368,7 @@ class DesignSettings(Table):
         for key in ("initial_state", "initial_change"):
             start = getattr(self, key)
             if start is not None and len(start) != size:
-                raise invalid(f"expected {size} numbers, as many as state_weight has", key)
+                raise invalid(f"expected {size} numbers, as many as state_weight has rows", key)
         if not any(self.initial_state):
             raise invalid("expected a number other than zero", "initial_state")
         Q = self.Q
