@@ -361,7 +361,7 @@ def test_a_position_is_held_with_less_ripple():
         simulate(here, "twelve-seconds", name).trace["omega_error"][-2000:] for name in ("harmonic", "fair")
     ]
     assert np.std(runs[0]) < 0.5 * np.std(runs[1])
-    with pytest.raises(StudyError, match="expected no such key, since position = false: delete k_theta"):
+    with pytest.raises(StudyError, match="since kp and ki are not given: delete k_theta, or give kp and ki"):
         load("verrelli2016", {**own, "controller.harmonic": {**law, "k_theta": "5 1/s"}})
 
 

@@ -108,7 +108,7 @@ def test_reasons() -> None:
     assert refusal(bytes(image)) == "version 2 of the format: expected 1"
     image = bytearray(bytes(EXAMPLE))
     image[70] ^= 1
-    assert refusal(bytes(image)).startswith("damaged: the entries' CRC is 0x")
+    assert refusal(bytes(image)).startswith("damaged: the map stores the CRC 0x")
     image = bytearray(bytes(EXAMPLE))
     image[80:] = b"\xff" * 16
     assert refusal(bytes(image)) == "damaged: no mark at the end: the map was not saved completely"

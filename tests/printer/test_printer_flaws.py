@@ -172,8 +172,8 @@ def test_teeth_that_are_wrong_by_2_are_one_line(records: Records, tmp_path: Path
     with pytest.raises(StudyError) as refused:
         identified(tmp_path, records, text=FILE.replace("pulley_teeth = 20", "pulley_teeth = 40"))
     assert re.fullmatch(
-        r"\S+forward-probe-1.csv: the probe acts as if an electrical turn were half as long as "
-        r'with printer.pulley_teeth = 40 and printer.step_angle = "1.8 deg": '
+        r"\S+forward-probe-1.csv: an electrical turn is half as long as with printer.pulley_teeth = 40 and "
+        r'printer.step_angle = "1.8 deg", as the effect of the probe shows: '
         r'expected printer.pulley_teeth = 20 or printer.step_angle = "0.9 deg"',
         str(refused.value),
     )

@@ -183,8 +183,8 @@ def table(
     if frame.zero_error:
         highest = max(holding.orders)
         lines.append(
-            f"The angle of the table's first entry is uncertain, by {frame.zero_error * highest:.2g} rad "
-            f"in the phase of order {highest}."
+            f"The logs give the angle of the table's first entry within {frame.zero_error:.2g} rad. This is "
+            f"{frame.zero_error * highest:.2g} rad of the phase of order {highest}."
         )
     _put(written, lines, output)
 

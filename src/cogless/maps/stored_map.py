@@ -149,7 +149,7 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
     (crc,) = struct.unpack_from("<I", whole, HEADER_BYTES - 4)
     if crc32(whole[: HEADER_BYTES - 4]) != crc:
         raise MapError(
-            f"damaged: the header's CRC is 0x{crc32(whole[: HEADER_BYTES - 4]):08X}, not 0x{crc:08X}"
+            f"damaged: the header stores the CRC 0x{crc:08X}, but has 0x{crc32(whole[: HEADER_BYTES - 4]):08X}"
         )
     fields = _FIELDS.unpack_from(whole)
     _, version, length, sequence, motor, motion, law, number_type, write_size = fields[:9]
@@ -169,7 +169,8 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
         raise MapError(f"cut short: expected {end + len(mark)} bytes, got {len(whole)}")
     if crc32(whole[HEADER_BYTES:end]) != entries_crc:
         raise MapError(
-            f"damaged: the entries' CRC is 0x{crc32(whole[HEADER_BYTES:end]):08X}, not 0x{entries_crc:08X}"
+            f"damaged: the map stores the CRC 0x{entries_crc:08X} of its entries, but they have "
+            f"0x{crc32(whole[HEADER_BYTES:end]):08X}"
         )
     if whole[end : end + len(mark)] != mark:
         raise MapError("damaged: no mark at the end: the map was not saved completely")

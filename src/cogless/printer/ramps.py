@@ -464,9 +464,9 @@ def wrong_wavelength(name: str, axis: Axis, factor: float) -> StudyError:
         cures.append({"printer.step_angle": f"{step * factor:.6g} deg"})
     expected = " or ".join(f"{key} = {toml(value)}" for cure in cures for key, value in cure.items())
     return StudyError(
-        f"{name}: the probe acts as if an electrical turn were {'twice' if factor > 1 else 'half'} as long "
-        f"as with printer.pulley_teeth = {axis.pulley_teeth} and printer.step_angle = "
-        f"{toml(f'{step:.6g} deg')}: expected {expected}"
+        f"{name}: an electrical turn is {'twice' if factor > 1 else 'half'} as long as with "
+        f"printer.pulley_teeth = {axis.pulley_teeth} and printer.step_angle = {toml(f'{step:.6g} deg')}, as "
+        f"the effect of the probe shows: expected {expected}"
     ).advising(*cures)
 
 

@@ -265,8 +265,8 @@ class Belt(Table):
     of the mass that moves along this axis."""
     resonance: Frequency | None = None  # Hz
     """Frequency at which the carriage oscillates on its belt while the motor's shaft is held. Give
-    `resonance` or `stiffness`. Do not give the resonance that an input shaper measures: in it the motor's
-    shaft moves, too."""
+    `resonance` or `stiffness`. Do not give the resonance that is measured for an input shaper: in that
+    measurement the motor's shaft moves, too."""
     stiffness: BeltStiffness | None = None  # N/m
     """Stiffness of the belt: force per change of length, both halves of the belt together. Give `resonance`
     or `stiffness`."""

@@ -121,9 +121,9 @@ class Cogging(Table):
     """Peak-to-peak torque of this harmonic, as in most datasheets: twice its amplitude. Give `torque`,
     `torque_peak_to_peak` or `current`."""
     current: Current | None = None  # A
-    """Amplitude of the current that holds the rotor against this harmonic; the torque is $K_t$ times this
-    current. The cogging torque has the opposite sign of the holding torque, so choose `phase` for the cogging
-    torque. Give `torque`, `torque_peak_to_peak` or `current`."""
+    """Amplitude of the current that holds the rotor against this harmonic: the torque's amplitude over $K_t$.
+    `phase` is that of the cogging torque, not of the current, which has the opposite sign. Give `torque`,
+    `torque_peak_to_peak` or `current`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 

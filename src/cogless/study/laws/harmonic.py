@@ -79,10 +79,10 @@ class Harmonic(Feedback, LearnsWhileRunning):
                 "expected a gain, since kp and ki are given and position is true", "k_theta", value="missing"
             )
         if self.k_theta is not None and not by_hand:
-            by, since = (
-                ("kp", "kp and ki are not given") if self.position else ("position", "position = false")
-            )
-            raise excluded("k_theta", by, since, "set position = true and give kp and ki")
+            if self.position:
+                raise excluded("k_theta", "kp", "kp and ki are not given", "give kp and ki")
+            cure = "set position = true and give kp and ki"
+            raise excluded("k_theta", "position", "position = false", cure)
         return self
 
     learns_every_order: ClassVar[bool] = True

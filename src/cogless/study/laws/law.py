@@ -623,7 +623,9 @@ class Learning(LearnsWhileRunning):
             return
         longest = max(samples)
         if self.memory == "time" and min(samples) > self.cells:
-            expected = f"expected {math.ceil(min(samples))} or more, the speed loop's samples in a period"
+            expected = (
+                f"expected at least {math.ceil(min(samples))}: a period has as many samples of the speed loop"
+            )
             raise invalid(expected, "controller", name, "cells", value=self.cells)
         if longest < FEWEST_SAMPLES:
             expected = (
