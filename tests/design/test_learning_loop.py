@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from fractions import Fraction
 from functools import partial
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 import studies
 from cogless import load
@@ -24,7 +26,7 @@ from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
-from cogless.design.ripple import Ripple, Sampled, _noise, orders, ripple, sampled, sensor_waves
+from cogless.design.ripple import Ripple, Sampled, _density, _noise, orders, ripple, sampled, sensor_waves
 from cogless.design.speed_loop import counting_window
 from cogless.design.verdict import doubts
 from cogless.study.laws.space import SpaceSpeed
@@ -250,7 +252,15 @@ OBSERVER = {"speed_method": "observer", "observer_bandwidth": "100 Hz"}
         ({**ENCODER, "speed_method": "M"}, Sampled(TURN / 10_000, 1e-3, False)),
         ({**ENCODER, "speed_method": "MT"}, Sampled(TURN / 10_000, 1e-3, True)),
         ({"kind": "absolute", "bits": 12, "window": 3}, Sampled(TURN / 4096, 3 / 15e3, False)),
-        ({**ENCODER, **OBSERVER}, Sampled(TURN / 10_000, counting_window(TURN * 100, 1 / 15e3), False)),
+        (
+            {**ENCODER, **OBSERVER},
+            Sampled(
+                TURN / 10_000,
+                counting_window(TURN * 100, 1 / 15e3),
+                False,
+                observer=(TURN * 100, 1 / 15e3),
+            ),
+        ),
         # a mean over four intervals is as late as one edge of two and a half
         ({"kind": "hall", "edges": 4}, Sampled(TURN / 24 * 2.5, 1e-3, True)),
     ],
@@ -264,6 +274,31 @@ def test_how_a_sensor_measures_speed(
     if found is not None and expected is not None:
         assert (found.count, found.window) == pytest.approx((expected.count, expected.window))
         assert found.timed == expected.timed
+        assert (found.observer is None) == (expected.observer is None)
+        if found.observer is not None:
+            assert found.observer == pytest.approx(expected.observer)
+
+
+@pytest.mark.parametrize(("bandwidth", "samples"), [(2000.0, 1), (290.0, 1), (1000.0, 8)])
+def test_an_observer_of_the_steps_is_quiet_at_low_frequencies(bandwidth: float, samples: int) -> None:
+    """Spectrum of an observer, written out here, of an angle of random steps at 8 kHz."""
+    count, period, rows = 1e-3, 1 / 8e3, 400_000
+    p = math.exp(-TURN * bandwidth * period)
+    of_angle, of_speed, of_rate = 1 - p**3, 1.5 * (1 - p) ** 2 * (1 + p), (1 - p) ** 3
+    theta = turned = rate = 0.0
+    speeds = []
+    for measured in np.random.default_rng(1).uniform(-count / 2, count / 2, rows).tolist():
+        theta, turned = theta + turned + rate / 2, turned + rate
+        error = measured - theta
+        theta, turned, rate = theta + of_angle * error, turned + of_speed * error, rate + of_rate * error
+        speeds.append(turned / period)
+    f, density = welch(np.array(speeds[::samples]), 1 / (samples * period), nperseg=2000)
+    source = Sampled(count, period, False, observer=(TURN * bandwidth, period))
+    at, variances = _density(samples * period, source)
+    for low, high in itertools.pairwise(np.array([0.005, 0.02, 0.05, 0.15, 0.4]) / (samples * period)):
+        inside = (f >= low) & (f < high)
+        expected = float(np.sum(variances[(at >= low) & (at < high)]))
+        assert float(np.sum(density[inside]) * f[1]) == pytest.approx(expected, rel=0.15)
 
 
 @pytest.mark.parametrize(("counts", "told"), [(1.5, False), (1.0, False), (0.9, True)])

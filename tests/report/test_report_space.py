@@ -158,10 +158,10 @@ def test_nobody_is_worse_than_a_baseline_that_stands(made):
 
 
 def test_what_gets_worse_is_said_where_the_design_can_tell_nothing(made, monkeypatch):
-    def unknown(study, name):
+    def unknown(study, name, scenario):
         raise StudyError("no bounds")
 
-    monkeypatch.setattr("cogless.report.angle_charts.verdict", unknown)
+    monkeypatch.setattr("cogless.report.angle_charts.in_scenario", unknown)
     pi, printed, _ = made.runs
     told = verdicts(replace(made, runs=[pi, with_line(printed, 400, 1.0, 9.0)]))[0].details
     (worse,) = (line for line in told if "gets worse with time" in line)

@@ -373,7 +373,8 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"scenario.low.duration": "1e9 s"},
             'scenario.low.duration: "1e9 s": expected at most 1333.33 s at a trace.rate of 15000 Hz'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time", "cells": 200}},
-            "controller.ilc.cells: 200: expected at least 1000: a period has as many samples of the speed loop"),
+            "controller.ilc.cells: 200: expected at least 1000: a period has as many samples of the speed "
+            "loop"),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical", "lead": "70 ms"}},
             'controller.ilc.lead: "70 ms": expected at most 0.0625 s, a quarter of a period at top speed'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical"},

@@ -17,7 +17,8 @@ R is the accumulation of noise in the memory: each period adds noise to what was
 hardly decays, it stays there. An angle in counts of q has an error of variance q^2 / 12. A speed that is the
 difference of two angles over the time W contains this error twice. The speed's noise is white if W is shorter
 than a sample. Otherwise successive samples share an angle, and the noise has the spectrum |1 - exp(-jwW)|^2.
-A speed timed from edge to edge has no such error.
+An observer's speed has the spectrum of its response, folded at the law's rate. A speed timed from edge to
+edge has no such error.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
-from cogless.design.speed_loop import SpeedLoop, counting_window
+from cogless.design.speed_loop import SpeedLoop, counting_window, observed
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
 from cogless.units import TURN
@@ -50,6 +51,7 @@ class Sampled:
     window: float  # s
     timed: bool  # the speed is the time between edges
     intervals: int = 0  # Hall sensors: intervals over which the speed is the mean; 0: other sensors
+    observer: tuple[float, float] | None = None  # bandwidth, rad/s, and period, s
 
     @property
     def hall(self) -> bool:
@@ -75,10 +77,11 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
     drive = for_scenario(study, scenario).drive
     sensor = drive.position_sensor
     if isinstance(sensor, Counted):
-        window = sensor.periods(drive.rates.divider) / drive.rates.current_loop
+        period = 1 / drive.rates.current_loop
         if sensor.bandwidth:
-            window = counting_window(sensor.bandwidth, 1 / drive.rates.current_loop)
-        return Sampled(sensor.step, window, sensor.timed)
+            window = counting_window(sensor.bandwidth, period)
+            return Sampled(sensor.step, window, False, observer=(sensor.bandwidth, period))
+        return Sampled(sensor.step, sensor.periods(drive.rates.divider) * period, sensor.timed)
     if isinstance(sensor, Hall):
         # A mean over n intervals is as late as the speed over one interval that is (n + 1) / 2 times as long.
         step = sensor.step(study.motor.pole_pairs) * (sensor.edges + 1) / 2
@@ -205,11 +208,18 @@ def _frequencies(T: float) -> Real:
 
 def _density(T: float, source: Sampled) -> tuple[Real, Real]:
     """Frequencies, Hz, up to 1 / 2T, and the variance of the measured speed's noise at each, (rad/s)^2."""
-    nyquist, f = 0.5 / T, _frequencies(T)
-    density = source.count**2 / 12 / source.window**2 / nyquist
-    shared = source.window >= T * (1 - WINDOW_ROUNDING)  # two samples share an angle, with opposite signs
-    density = density * (np.abs(1 - np.exp(-1j * math.tau * f * source.window)) ** 2 if shared else 2.0)
-    return f, np.asarray(density * nyquist / RIPPLE_FREQUENCIES * np.ones(RIPPLE_FREQUENCIES))
+    f = _frequencies(T)
+    if source.observer is not None:
+        bandwidth, period = source.observer
+        folds = (
+            np.arange(round(T / period))[:, None] / T
+        )  # Hz; the observer's spectrum repeats after 1 / period
+        gains = np.mean(np.abs(observed(math.tau * (f + folds), bandwidth, period)) ** 2, axis=0)
+    elif source.window >= T * (1 - WINDOW_ROUNDING):  # Two samples share an angle, with opposite signs.
+        gains = np.abs(1 - np.exp(-1j * math.tau * f * source.window)) ** 2 / source.window**2
+    else:
+        gains = np.full(len(f), 2 / source.window**2)
+    return f, np.asarray(source.count**2 / 12 / RIPPLE_FREQUENCIES * gains)
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:

@@ -149,7 +149,8 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
     (crc,) = struct.unpack_from("<I", whole, HEADER_BYTES - 4)
     if crc32(whole[: HEADER_BYTES - 4]) != crc:
         raise MapError(
-            f"damaged: the header stores the CRC 0x{crc:08X}, but has 0x{crc32(whole[: HEADER_BYTES - 4]):08X}"
+            f"damaged: the header stores the CRC 0x{crc:08X}, but has "
+            f"0x{crc32(whole[: HEADER_BYTES - 4]):08X}"
         )
     fields = _FIELDS.unpack_from(whole)
     _, version, length, sequence, motor, motion, law, number_type, write_size = fields[:9]

@@ -56,7 +56,7 @@ def with_limits(
 def _elsewhere(
     results: Results, run: Run, by_scenario: Mapping[str, Limits], long: bool
 ) -> Iterator[Elsewhere]:
-    """One run of each other scenario, to try changes: of the same controller, or else of the best one.
+    """Runs of each other scenario, to try changes: of the best controller there, and of the same one.
 
     `by_scenario`: the limits of earlier scenarios. Scenarios with faults are left out, and ones in which no
     controller holds the speed. `long`: include runs that take long or execute a user's code.
@@ -67,10 +67,12 @@ def _elsewhere(
             continue
         missed, tried = best.line.missed, by_scenario.get(scenario)
         runs = [other for other in runs_in(results, scenario) if other.controller == run.controller]
-        other = next((other for other in (*runs, best.run) if other.controller not in missed), None)
-        if other is not None and (long or is_quick(results.study, scenario, other.controller)):
-            own = tried if tried is not None and tried.controller == other.controller else None
-            yield Elsewhere(other, best.metric, best.line.order, own)
+        for other in {each.controller: each for each in (best.run, *runs)}.values():
+            if other.controller not in missed and (
+                long or is_quick(results.study, scenario, other.controller)
+            ):
+                own = tried if tried is not None and tried.controller == other.controller else None
+                yield Elsewhere(other, best.metric, best.line.order, own)
 
 
 def with_learning_off(

@@ -25,6 +25,7 @@ from typing import Any
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
+from cogless.results.held_speed import JERKS_RATIO
 from cogless.results.limits import (
     AND,
     HELPING_SHARE,
@@ -47,7 +48,7 @@ from cogless.study.reading import Changes, split, with_tables
 from cogless.units import ANGLE, ANGULAR_SPEED
 
 MEAN_SHARE_MOST = 0.05  # largest mean speed error / top reference with which a run holds its speed
-MEAN_ERROR = "limits_mean_error"
+MEAN_ERROR, RMS_ERROR = "limits_mean_error", "limits_rms_error"
 SPEED_SHARE_LEAST = 1e-4  # speed ripple / top reference, below which nothing is left to gain
 MOST_SHARE = 0.5  # share of the result's square that counts as most of it
 PAIRED_CAUSES = 4  # number of the largest causes, which are also removed in pairs
@@ -350,7 +351,7 @@ class _Tries:
     def _alone(self) -> Study:
         """The study with this run's controller alone, without the numbers of the rule auto.
 
-        The first metric judges the run. The last metric shows whether the speed is held.
+        The first metric judges the run. The last two metrics show whether the speed is held.
         """
         return self._with_metrics(self._study.metrics_in(self._run.scenario))
 
@@ -370,14 +371,12 @@ class _Tries:
         metrics = [source.tables["metric"][place] for place in places]
         metrics[0] = {**metrics[0], "scenarios": [scenario]}
         over = {key: metrics[0][key] for key in ("window", "last") if key in metrics[0]}
-        mean_error = {
-            "name": MEAN_ERROR,
-            "kind": "mean",
-            "signal": "omega_error",
-            "scenarios": [scenario],
-            **over,
-        }
-        tables["metric"] = [*metrics, mean_error]
+        of_error = {"signal": "omega_error", "scenarios": [scenario], **over}
+        tables["metric"] = [
+            *metrics,
+            {"name": MEAN_ERROR, "kind": "mean", **of_error},
+            {"name": RMS_ERROR, "kind": "rms", **of_error},
+        ]
         of_law = study.scenarios_of(controller)  # a rule looks at all of them
         tables["controller"] = {controller: tables["controller"][controller]}
         tables["scenario"] = {n: {**tables["scenario"][n], "controllers": [controller]} for n in of_law}
@@ -390,10 +389,11 @@ class _Tries:
         """The study of this run alone with these changes; None if they are refused."""
         alone = self._at_samples if ROWS_KEY in changes else self._alone
         place, last = f"metric.{self._study.metric.index(self._metric)}.", len(alone.metric) - 1
+        judging = (0, last - 1, last)
         own: dict[str, Any] = {}
         for key, value in changes.items():
             of_metric = key.startswith(place)
-            keys = [f"metric.{n}.{key.removeprefix(place)}" for n in (0, last)] if of_metric else [key]
+            keys = [f"metric.{n}.{key.removeprefix(place)}" for n in judging] if of_metric else [key]
             own |= dict.fromkeys(keys, value)
         try:
             return filled(changed(alone, own))
@@ -405,6 +405,14 @@ class _Tries:
         begin, end = self._metric.span(experiment.duration) or (0.0, experiment.duration)
         if experiment.torque_mode is not None and experiment.torque_mode.acts_within(begin, end):
             return True  # in torque mode an outer loop determines the speed
-        mean = next((value for name, value in metrics.items() if name.startswith(MEAN_ERROR)), None)
-        most = MEAN_SHARE_MOST * experiment.top_reference
-        return isinstance(mean, float) and abs(mean) <= most if most else True
+        constant = experiment.constant_speed
+        most = {
+            MEAN_ERROR: MEAN_SHARE_MOST * experiment.top_reference,
+            RMS_ERROR: JERKS_RATIO * abs(constant) if constant is not None else 0.0,
+        }
+        values = {
+            check: next((value for name, value in metrics.items() if name.startswith(check)), None)
+            for check in most
+            if most[check]
+        }
+        return all(isinstance(value, float) and abs(value) <= most[check] for check, value in values.items())

@@ -147,8 +147,8 @@ class LinearPlant(Table):
     C: Many[float]
     """Matrix $C$: one row with a number for each state."""
     parameter: dict[str, Parameter] = Field(default={})
-    """Parameters in the formulas of $A$ and $B$, by name. Each is a number, the range `[smallest, largest]` in
-    which it is constant but unknown, or a table with `value` and `range`."""
+    """Parameters in the formulas of $A$ and $B$, by name. Each is a number, the range `[smallest, largest]`
+    in which it is constant but unknown, or a table with `value` and `range`."""
     vertex: Many[PlantVertex] = ()
     """Corners of the set of possible plants, with numbers only. They replace `A`, `B` and `parameter`. The
     nominal plant is the mean of all corners."""

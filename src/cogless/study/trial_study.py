@@ -99,17 +99,17 @@ class Deviations(Table):
     """How far start and load of a trial are from those of its phase."""
 
     initial_angle: AngleMagnitude | None = None  # rad
-    """Deviation of a drive's initial angle: in a table `normal` its standard deviation, in `uniform` its largest
-    magnitude."""
+    """Deviation of a drive's initial angle: in a table `normal` its standard deviation, in a table `uniform`
+    its largest magnitude."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
-    """Deviation of a drive's initial speed: in a table `normal` its standard deviation, in `uniform` its largest
-    magnitude."""
+    """Deviation of a drive's initial speed: in a table `normal` its standard deviation, in a table `uniform`
+    its largest magnitude."""
     initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Deviations of a linear plant's initial state, one number for each state: in a table `normal` their standard
-    deviations, in `uniform` their largest magnitudes."""
+    """Deviations of a linear plant's initial state, one number for each state: in a table `normal` their
+    standard deviations, in a table `uniform` their largest magnitudes."""
     load: LoadMagnitude | None = None
-    """Deviation of the load, which is constant in a trial and is added to the `load_steps`: in a table `normal` its
-    standard deviation, in `uniform` its largest magnitude."""
+    """Deviation of the load, which is constant in a trial and is added to the `load_steps`: in a table
+    `normal` its standard deviation, in a table `uniform` its largest magnitude."""
 
 
 class EachTrial(Table):
