@@ -162,7 +162,7 @@ def test_too_few_edges_for_the_loop_are_told(rpm: int, method: str, told: bool) 
         )
         remark = warnings(several, "fast", "pi")[0]
         assert str(remark).startswith(
-            "controller.pi: at 1 rpm in scenario slow a sensor edge comes every 3.7 ms"
+            "controller.pi: in scenario slow: at 1 rpm a sensor edge comes every 3.7 ms"
         )
 
 

@@ -25,14 +25,14 @@ COUNT = 0.02  # rad
     [
         (2.0, False, FIRM, None),  # 100 rad/s times 10 ms are a radian
         (1.0, False, FIRM,
-            "at 1 rad/s in scenario a a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the "
+            "at 1 rad/s a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the "
             "rotor coasts from count to count"),
         (4.0, True, FIRM, None),  # 4.5 ms late, 0.45 of the margin
         (2.5, True, FIRM,
-            "at 2.5 rad/s in scenario a a sensor edge comes every 8 ms; the loop's crossover is 15.9 Hz: the "
+            "at 2.5 rad/s a sensor edge comes every 8 ms; the loop's crossover is 15.9 Hz: the "
             "measured speed is 7.5 ms late, which takes 43 deg of the 57 deg of phase margin"),
         (1.0, True, FIRM,
-            "at 1 rad/s in scenario a a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the "
+            "at 1 rad/s a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the "
             "measured speed is 20 ms late, which takes 112 deg of the 57 deg of phase margin; when the rotor "
             "stops and goes, the measured speed is too high: by 10 % if every other edge takes twice "
             "as long"),

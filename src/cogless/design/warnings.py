@@ -218,8 +218,7 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
         return None
     source = edges.source
     every = 1e3 * source.edge / edges.omega
-    inside = f" in scenario {scenario}" if len(study.scenario) > 1 else ""
-    comes = f"at {speed_text(study, edges.omega)}{inside} a sensor edge comes every {every:.2g} ms"
+    comes = f"at {speed_text(study, edges.omega)} a sensor edge comes every {every:.2g} ms"
     if source.intervals > 1:
         comes += f", and the speed is the mean over {source.intervals} such intervals"
     comes += f"; the loop's crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
