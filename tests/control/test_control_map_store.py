@@ -427,8 +427,8 @@ def test_stored_lengths_and_steps_are_those_of_the_guide() -> None:
     flash = Flash(c)
     assert flash.save(cgl_map) == c.lib.CGL_MAP_OK
     stored = len(bytes(stored_map.decode(bytes(flash.slot[0]))))
-    stored_map_of = "with one channel, 1024 cells and a write size of 8 bytes"
-    assert f"{stored} bytes {stored_map_of}" in " ".join(guide.split())
+    map_of_guide = "for a map with one channel, 1024 cells and a write size of 8 bytes"
+    assert f"{stored} bytes {map_of_guide}" in " ".join(guide.split())
     for length, words in (
         (32, "about {} calls with a `buffer` of 32 bytes"),
         (256, "about {} with 256 bytes"),
