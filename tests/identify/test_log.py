@@ -299,7 +299,7 @@ def test_a_hold_map_needs_the_direction_that_the_rotor_came_from(tmp_path: Path)
     assert log["direction"].tolist() == [-1.0] * 500 + [1.0] * 500
     np.savez(tmp_path / "a.npz", **hold)
     text = text.replace('direction = "from"\n', "")
-    needs = "columns.direction: missing: a hold map needs theta, i_q and the direction that"
+    needs = "columns.direction: missing: a hold map needs theta, i_q and direction"
     for kind, said in (("hold", needs), ("load", "columns.t: missing: expected the time of each row")):
         (tmp_path / "id.toml").write_text(text.replace("hold", kind))
         with pytest.raises(StudyError, match=said):

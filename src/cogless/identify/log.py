@@ -326,7 +326,7 @@ def _hold(
 ) -> Log:
     for signal in ("theta", "i_q", "direction"):
         if signal not in signals:
-            expected = "a hold map needs theta, i_q and direction (1, -1: the way in which the rotor came)"
+            expected = "a hold map needs theta, i_q and direction (1 or -1: from which side the rotor came)"
             raise StudyError(f"{where}: {_heading(identification, signal)}: missing: {expected}")
     signals["direction"] = np.sign(signals["direction"])
     stretches = (slice(0, len(signals["theta"])),)
