@@ -39,7 +39,8 @@ def with_limits(
                 continue
             if progress is not None:
                 progress(scenario)
-            limited = limits(results.study, run, metric, order, jobs, traces)
+            in_jerks = run.controller in best.line.missed
+            limited = limits(results.study, run, metric, order, jobs, traces, in_jerks)
             if limited is not None:
                 others = [*_elsewhere(results, run, by_scenario, long)]
                 limited = without_harm(results.study, limited, others, jobs, traces)
@@ -67,7 +68,7 @@ def _elsewhere(
             continue
         missed, tried = best.line.missed, by_scenario.get(scenario)
         runs = [other for other in runs_in(results, scenario) if other.controller == run.controller]
-        for other in {each.controller: each for each in (best.run, *runs)}.values():
+        for other in {trial.controller: trial for trial in (best.run, *runs)}.values():
             if other.controller not in missed and (
                 long or is_quick(results.study, scenario, other.controller)
             ):

@@ -65,15 +65,16 @@ def limits(
     order: float | None = None,
     jobs: int | None = None,
     traces: Path | None = None,
+    in_jerks: bool = False,
 ) -> Limits | None:
     """What limits a finished run, judged by a metric that is better when lower.
 
     `order`: the order by which the run is judged, if the metric has several orders. `jobs`: number of runs at
-    a time, default one per core. `traces`: a folder for traces that are too long for memory. Returns None if
-    the run has no value of this metric, or if the value is negligible. KeyboardInterrupt: the user pressed
-    Ctrl-C.
+    a time, default one per core. `traces`: a folder for traces that are too long for memory. `in_jerks`: the
+    run's rotor turns in jerks, so a change helps without making the speed even. Returns None if the run has
+    no value of this metric, or if the value is negligible. KeyboardInterrupt: the user pressed Ctrl-C.
     """
-    tries = _Tries(study, run, metric, order, jobs, traces)
+    tries = _Tries(study, run, metric, order, jobs, traces, in_jerks)
     value = tries.value_of(run.metrics)
     if value is None or value <= _negligible(study, run.scenario, metric):
         return None
@@ -272,9 +273,10 @@ class _Tries:
         order: float | None,
         jobs: int | None,
         traces: Path | None,
+        in_jerks: bool = False,
     ) -> None:
         self._study, self._run, self._metric, self._order = study, run, metric, order
-        self._jobs, self._traces = jobs, traces
+        self._jobs, self._traces, self._in_jerks = jobs, traces, in_jerks
         self._tried: dict[str, Mapping[str, Value]] = {repr({}): run.metrics}
 
     def value_of(self, metrics: Mapping[str, Value]) -> float | None:
@@ -405,7 +407,7 @@ class _Tries:
         begin, end = self._metric.span(experiment.duration) or (0.0, experiment.duration)
         if experiment.torque_mode is not None and experiment.torque_mode.acts_within(begin, end):
             return True  # in torque mode an outer loop determines the speed
-        constant = experiment.constant_speed
+        constant = None if self._in_jerks else experiment.constant_speed
         most = {
             MEAN_ERROR: MEAN_SHARE_MOST * experiment.top_reference,
             RMS_ERROR: JERKS_RATIO * abs(constant) if constant is not None else 0.0,
