@@ -412,10 +412,9 @@ def test_advice_says_what_it_does_to_the_other_scenario(what, tmp_path):
         (other,) = {*study.scenario} - {scenario}
         told, before = limit(results, scenario), left(study, other)
         for cure in found.advised if told is not None and before is not None else ():
-            after, advised = (
-                left(load(studies.write(tmp_path, GIMBAL), {**AT_TWO_SPEEDS[what], **cure.changes}), other),
-                advised + 1,
-            )
+            path, changes = studies.write(tmp_path, GIMBAL), {**AT_TWO_SPEEDS[what], **cure.changes}
+            after = left(load(path, changes), other)
+            advised += 1
             if after is None:
                 assert f"; but in {other} law then did not hold the speed" in str(told)
             elif before <= HELPING_SHARE * after:

@@ -25,7 +25,7 @@ from typing import Any
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.held_speed import JERKS_RATIO
+from cogless.results.held_speed import JERKS_RATIO, MEAN_ERROR_MOST
 from cogless.results.limits import (
     AND,
     HELPING_SHARE,
@@ -47,7 +47,6 @@ from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes, split, with_tables
 from cogless.units import ANGLE, ANGULAR_SPEED
 
-MEAN_SHARE_MOST = 0.05  # largest mean speed error / top reference with which a run holds its speed
 MEAN_ERROR, RMS_ERROR = "limits_mean_error", "limits_rms_error"
 SPEED_SHARE_LEAST = 1e-4  # speed ripple / top reference, below which nothing is left to gain
 MOST_SHARE = 0.5  # share of the result's square that counts as most of it
@@ -409,7 +408,7 @@ class _Tries:
             return True  # in torque mode an outer loop determines the speed
         constant = None if self._in_jerks else experiment.constant_speed
         most = {
-            MEAN_ERROR: MEAN_SHARE_MOST * experiment.top_reference,
+            MEAN_ERROR: MEAN_ERROR_MOST * experiment.top_reference,
             RMS_ERROR: JERKS_RATIO * abs(constant) if constant is not None else 0.0,
         }
         values = {
