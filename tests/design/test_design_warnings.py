@@ -9,7 +9,7 @@ import pytest
 from cogless.design import warnings as module
 from cogless.design.current_needed import carried
 from cogless.design.design_table import design_table
-from cogless.design.warnings import coarse_table, likely_harm, shaft_notes
+from cogless.design.warnings import cogging_notes, likely_harm, shaft_notes
 from cogless.errors import StudyError
 from cogless.run.run_plan import plan
 from cogless.run.simulate import simulate
@@ -162,10 +162,19 @@ def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):
     coarse = load(path, {"motor.cogging_table": table})
     shows = "the cogging's main order, 84, appears as a lower order"
     told = f"motor.cogging_table: its 100 points show orders up to 49; {shows}"
-    assert coarse_table(coarse) == [told]
+    assert cogging_notes(coarse) == [told]
     assert f"{told}." in [str(text) for text in design_table(coarse).renderables]
     electrical = load(path, {"motor.cogging_table": table | {"frame": "electrical"}})
-    assert coarse_table(electrical) == [] == coarse_table(my_motor())
+    assert cogging_notes(electrical) == [] == cogging_notes(my_motor())
+
+
+def test_orders_of_other_slots_are_named_when_the_slots_change():
+    """The motor has 12 slots and 14 poles. With 21 slots, all orders of its cogging are multiples of 7."""
+    main = "the main order of 21 slots with 14 poles is 42"
+    told = "motor.slots was changed, but motor.cogging was not: order 12 belongs to other slots; " + main
+    assert cogging_notes(load(EXAMPLE, {"motor.slots": 21})) == [told]
+    own = {"motor.cogging": [{"order": 12, "torque": "1 mN*m"}]}
+    assert cogging_notes(load(EXAMPLE, {"motor.slots": 21, **own})) == [] == cogging_notes(load(EXAMPLE))
 
 
 def test_missing_slots_are_refused_before_anything_runs(tmp_path):

@@ -13,7 +13,7 @@ from cogless.design.answers import Answer, answer
 from cogless.design.law_rules import Gain
 from cogless.design.margins import Margins
 from cogless.design.summary import Design, current_loop_summary, summary
-from cogless.design.warnings import beyond_drive, coarse_table, loop_remarks, notes, shaft_notes, told_apart
+from cogless.design.warnings import beyond_drive, cogging_notes, loop_remarks, notes, shaft_notes, told_apart
 from cogless.study import Study
 from cogless.study.base import speed_text
 from cogless.units import TURN
@@ -104,7 +104,7 @@ def notes_below(study: Study, designs: Iterable[str]) -> list[str]:
     own = [line for name in designs for line in notes(study, name)]
     far = beyond_drive(study, study.scenario)
     return [
-        f"{line}." for line in (*coarse_table(study), *far, *shaft_notes(study), *loop_remarks(study), *own)
+        f"{line}." for line in (*cogging_notes(study), *far, *shaft_notes(study), *loop_remarks(study), *own)
     ]
 
 

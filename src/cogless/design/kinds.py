@@ -51,7 +51,7 @@ def _speed_figures(study: Study, scenario: str, controller: str) -> tuple[dict[s
 def _speed_warnings_before(study: Study, pairs: Sequence[Pair]) -> list[object]:
     scenarios = (scenario for scenario, _ in pairs)
     return [
-        *warnings.coarse_table(study),
+        *warnings.cogging_notes(study),
         *warnings.beyond_drive(study, scenarios),
         *warnings.too_short(study, pairs),
     ]

@@ -41,6 +41,7 @@ from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
+from cogless.study.motor import StepMotor
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes, Remark, Stop
@@ -393,7 +394,12 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm at most, without load")
 
 
-def coarse_table(study: Study) -> list[str]:
+def cogging_notes(study: Study) -> list[str]:
+    """Warnings of cogging whose orders do not fit the motor's slots."""
+    return [*_coarse_table(study), *_orders_of_other_slots(study)]
+
+
+def _coarse_table(study: Study) -> list[str]:
     """A warning of a table of the cogging with too few points for the main order of slots and poles."""
     table = getattr(study.motor, "cogging_table", None)
     if table is None:
@@ -403,6 +409,23 @@ def coarse_table(study: Study) -> list[str]:
         return []
     shows = f"its {table.points} points show orders up to {highest}"
     return [f"motor.cogging_table: {shows}; the cogging's main order, {main}, appears as a lower order"]
+
+
+def _orders_of_other_slots(study: Study) -> list[str]:
+    """A warning if a change of the slots leaves orders of cogging that only other slots would give."""
+    motor, changes = study.motor, {change[:2] for change in study.source.changes}
+    if isinstance(motor, StepMotor) or motor.slots is None or ("motor", "slots") not in changes:
+        return []
+    if ("motor", "cogging") in changes:
+        return []
+    slots, poles = motor.slots, 2 * motor.pole_pairs
+    other = sorted({wave.order for wave in motor.cogging if wave.torque and wave.order % math.gcd(slots, poles)})
+    if not other:
+        return []
+    several = len(other) > 1
+    orders = f"order{'s' * several} {', '.join(map(str, other))} {'belong' if several else 'belongs'} to other slots"
+    main = f"the main order of {slots} slots with {poles} poles is {math.lcm(slots, poles)}"
+    return [f"motor.slots was changed, but motor.cogging was not: {orders}; {main}"]
 
 
 def shaft_notes(study: Study) -> list[str]:
