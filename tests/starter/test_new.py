@@ -197,6 +197,14 @@ def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(
     assert "at 30 r/min harmonic leaves 0.3 to 0.6 r/min" in text
     without_guesses = " ".join(_ranking_lines(study, replace(ranking, effects=()), Settings(), path, ()))
     assert "guess" not in without_guesses.lower()
+    worse = {"at_30_rpm": AtSpeed(learned=outcome(2.5), baseline=outcome(2))}
+    both = " ".join(
+        _ranking_lines(study, Ranking(at_speeds=at_speeds | worse, effects=()), Settings(), path, ())
+    )
+    assert "At 30 r/min learning does not help: harmonic leaves more ripple than the PI." in " ".join(
+        both.split()
+    )
+    assert "does not help" not in text
 
 
 def test_a_setting_that_holds_a_speed_is_printed_with_its_command_and_what_did_not_help() -> None:

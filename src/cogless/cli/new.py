@@ -112,7 +112,7 @@ def new(
         Text,
         _number(
             "--rated-current",
-            "Continuous current (peak of a phase), in A. For a step motor: current of one coil.",
+            "Continuous current of a phase (peak), in A, or rms, such as '2 A rms'. Step motor: of one coil.",
         ),
     ] = None,
     rated_torque: Annotated[Text, _number("--rated-torque", "Continuous torque, in N*m.")] = None,
@@ -138,7 +138,10 @@ def new(
     ] = None,
     bus_voltage: Annotated[Text, _number("--bus-voltage", "Voltage of the supply, in V.")] = None,
     current_limit: Annotated[
-        Text, _number("--current-limit", "Largest phase current of the drive (peak), in A.")
+        Text,
+        _number(
+            "--current-limit", "Largest phase current of the drive (peak), in A, or rms, such as '9 A rms'."
+        ),
     ] = None,
     current_rate: Annotated[
         Text, _number("--current-rate", "Rate of the current loop, usually that of the PWM, in Hz.")
@@ -483,13 +486,29 @@ def _reasons(study: Study, ranking: Ranking, designs: Mapping[str, Answer | None
         for scenario, answer in learned.items()
         if (answer.uneven if answer.holds else not _is_worthless(designs[scenario]))
     ]
-    texts = []
+    texts: dict[str, list[str]] = {}  # sentence without its speeds -> scenarios
     for scenario, design in designs.items():
         if design is not None and _is_worthless(design):
-            texts.append(f"Learning is {design.words}.")
-        elif design is not None and design.doubt and learned[scenario].holds:
-            texts.append(f"Another run may leave more: {design.doubt}.")
-    return [*_why_not(study, warned), *texts]
+            texts.setdefault(f"learning is {design.words}.", []).append(scenario)
+            continue
+        if design is not None and design.doubt and learned[scenario].holds:
+            texts.setdefault(f"another run may leave more: {design.doubt}.", []).append(scenario)
+        if _harms(ranking.at_speeds[scenario]):
+            texts.setdefault("learning does not help: harmonic leaves more ripple than the PI.", []).append(
+                scenario
+            )
+    sentences = [
+        text[0].upper() + text[1:]
+        if len(scenarios) == len(designs) or " rpm" in text  # the design's own words have the speed
+        else f"At {_speeds(study, scenarios)} {text}"
+        for text, scenarios in texts.items()
+    ]
+    return [*_why_not(study, warned), *sentences]
+
+
+def _harms(at: AtSpeed) -> bool:
+    """Whether both laws hold the speed and the PI leaves less ripple than the law that learns."""
+    return at.learned.holds and at.baseline.holds and at.baseline.ripple < at.learned.ripple
 
 
 def _is_worthless(design: Answer | None) -> bool:
