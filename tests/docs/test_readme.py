@@ -1,4 +1,4 @@
-"""What the README says is so: its study runs, and the figures under its picture are those of the demo."""
+"""What the README says is so: its figures are those of the studies, and the guide's whole study runs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ import numpy as np
 
 from cogless import load, run_study
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_study_in_the_readme_runs_and_learns(tmp_path: Path) -> None:
-    block = re.search(r"```toml\n(.*?)```", README, re.DOTALL)
+def test_the_whole_study_of_the_guide_runs_and_learns(tmp_path: Path) -> None:
+    guide = (ROOT / "docs" / "guide" / "study-file.md").read_text(encoding="utf-8")
+    block = re.search(r"```toml\n(.*?)```", guide, re.DOTALL)
     assert block is not None
     (tmp_path / "mine.toml").write_text(block[1], encoding="utf-8")
     pi, learning = run_study(load(tmp_path / "mine.toml"), jobs=2).runs
@@ -23,13 +25,19 @@ def test_the_study_in_the_readme_runs_and_learns(tmp_path: Path) -> None:
 def test_the_figures_of_liu_are_the_studys() -> None:
     text = re.search(r"On the motor of \[Liu 2018\].*?\n\n", README, re.DOTALL)
     assert text is not None
-    robust, within, lead = (float(x) for x in re.findall(r"(?:leaves?|within)\s+(\d+(?:\.\d+)?)", text[0]))
+    pi, robust, within, lead = (
+        float(x) for x in re.findall(r"(?:leaves?|within)\s+(\d+(?:\.\d+)?)", text[0])
+    )
     runs = run_study(
-        load("liu2018"), ["60-rpm/robust-ilc", "60-rpm/pi-ilc-lead", "60-rpm-long/*printed"], jobs=2
+        load("liu2018"),
+        ["60-rpm/pi", "60-rpm/robust-ilc", "60-rpm/pi-ilc-lead", "60-rpm-long/*printed"],
+        jobs=2,
     ).runs
     found = {run.controller: run.metrics for run in runs}
-    ripple = [found[name]["speed_ripple_rad_s"] * 30.0 / np.pi for name in ("robust-ilc", "pi-ilc-lead")]
-    assert [robust, lead] == [float(f"{x:.2g}") for x in ripple]
+    ripple = [
+        found[name]["speed_ripple_rad_s"] * 30.0 / np.pi for name in ("pi", "robust-ilc", "pi-ilc-lead")
+    ]
+    assert [pi, robust, lead] == [float(f"{x:.2g}") for x in ripple]
     assert within - 1.0 < found["pi-ilc-printed"]["diverges_after_s"] < within
 
 
