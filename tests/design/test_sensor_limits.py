@@ -17,13 +17,14 @@ from scipy.special import jv
 
 from cogless import run_study
 from cogless.design.answers import to_dict
+from cogless.design.closed_loop import Linear
 from cogless.design.current_needed import limited_share, noisy_voltage
 from cogless.design.design_table import design_table
 from cogless.design.law_rules import feedback_of
-from cogless.design.ripple import current_noise
+from cogless.design.ripple import current_noise, disturbed
 from cogless.design.sensor_limits import held_share, remaining, steps_density
 from cogless.design.speed_blocks import speed_blocks
-from cogless.design.speed_loop import CurrentLoop, gains, speed_loop
+from cogless.design.speed_loop import CurrentLoop, IdealLoop, SpeedLoop, gains, speed_loop
 from cogless.design.summary import design
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
@@ -312,3 +313,29 @@ def test_the_share_that_orders_hold_is_that_of_bessel_functions(
     expected = 1.0 if bends else float(np.sum(jv(held - order, order * amplitude) ** 2))
     assert held_share(sensor, order, base, highest, bends) == pytest.approx(expected, abs=1e-9)
     assert math.isclose(expected, 1.0) is bool(bends or base == 1)
+
+
+@pytest.mark.parametrize("window", [0, 1])
+def test_torque_waves_disturb_the_speed_as_in_an_own_plant_up_to_far_above_the_laws_rate(window: int) -> None:
+    """The law samples the speed itself (window 0) or the angle at 200 Hz. The plant takes exact steps."""
+    b, T, k, k_i, fine = 80.0, 0.005, 0.3, 2.0, 40
+    loop = SpeedLoop(b=b, steps=1, window=window, current=IdealLoop(T))
+
+    def amplitude(w: float) -> float:
+        speed = angle = last = total = 0.0
+        speeds = []
+        for n in range(6000):
+            measured = (angle - last) / T if window else speed
+            total, last = total + measured, angle
+            current = -(k * measured + k_i * T * total)
+            t = T * (n + np.arange(fine + 1) / fine)
+            course = speed + b * (current * (t - t[0]) + (np.sin(w * t) - np.sin(w * t[0])) / w)
+            angle += speed * T + b * (current * T**2 / 2)
+            angle += b / w * ((math.cos(w * t[0]) - math.cos(w * t[-1])) / w - math.sin(w * t[0]) * T)
+            speed = float(course[-1])
+            speeds.append(course[:-1])
+        return math.sqrt(2) * float(np.std(np.concatenate(speeds[3000:])))
+
+    frequencies = np.array([3.0, 11, 30, 50, 80, 130, 230, 411, 733, 1003, 2550.5])
+    computed = disturbed(loop, Linear(ratio=1, k=k, k_i=k_i), frequencies)
+    assert computed == pytest.approx([amplitude(math.tau * f) for f in frequencies], rel=0.04)

@@ -29,7 +29,7 @@ import numpy as np
 
 from cogless.design.back_emf import is_covered, response_factors, ripple_factors
 from cogless.design.closed_loop import Linear
-from cogless.design.ripple import orders, responses
+from cogless.design.ripple import disturbed, orders
 from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
@@ -78,7 +78,7 @@ def swing(
         return None
     loop, omega = loop or speed_loop(study, scenario), abs(omega_m)
     w = np.asarray(n * omega, dtype=float)
-    plain = np.abs(responses(loop, feedback, w / math.tau)[0]) * d / omega
+    plain = disturbed(loop, feedback, w / math.tau) * d / omega
     study_here = for_scenario(study, scenario)
     with_emf = plain * ripple_factors(study_here, feedback, w, loop)
     smaller, sizes = sorted((plain, with_emf), key=np.sum)

@@ -112,7 +112,7 @@ def ripple(loop: LearningLoop, duration: float, settled: bool = True) -> Ripple:
     f = np.asarray(n * abs(loop.omega_m) / math.tau)
     periods = max(1.0, duration * loop.periods_per_second)
     feedbacks = (loop.feedback_before, loop.feedback)  # a law may hand its integral over to learning
-    alone, learned = (np.abs(responses(loop.plant, feedback, f)[0]) * d for feedback in feedbacks)
+    alone, learned = (disturbed(loop.plant, feedback, f) * d for feedback in feedbacks)
     if len(f):
         learned = learned * (loop.residual(f) if settled else loop.yet(f, periods))
     before, after = float(np.sum(alone**2)) / 2, float(np.sum(learned**2)) / 2
@@ -192,6 +192,25 @@ def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Com
     P_omega, P_theta = np.interp(f, grid, P_omega), np.interp(f, grid, P_theta)
     S = sensitivity(plant, feedback, w, P_omega, P_theta)
     return 1j * w * P_theta * S, S
+
+
+def disturbed(plant: SpeedLoop, feedback: Linear, f: Real) -> Real:
+    """Amplitude of the true speed per ampere of a disturbing torque, rad/s/A, at frequencies f in Hz.
+
+    A torque acts without the current loop, so the response is that of the mechanics, times S. The law sees a
+    wave above half its rate as a slower wave, and cannot act against the wave itself: the speed then has
+    the full response, and the motion at the slower frequency.
+    """
+    seen = seen_as(f, plant.period)
+    _, S = responses(plant, feedback, seen)
+    measured = 1.0 if plant.measures_speed else seen / f  # speed at the slower frequency / true speed
+    factors = np.where(seen < f, np.hypot(1, np.abs(1 - S) * measured), np.abs(S))
+    return np.asarray(np.abs(plant.driven(math.tau * f)) * factors)
+
+
+def seen_as(f: Real, period: float) -> Real:
+    """The frequency, Hz, from 0 to half the rate, as which samples show a wave of frequency f."""
+    return np.asarray(np.abs(f - np.round(f * period) / period))
 
 
 def counting(plant: SpeedLoop, feedback: Linear, source: Sampled) -> float:

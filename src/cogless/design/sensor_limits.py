@@ -42,7 +42,17 @@ from cogless.design.closed_loop import Linear
 from cogless.design.law_rules import feedback_of
 from cogless.design.laws.harmonic import BENDS_FROM, Certificate, Certified, main_order
 from cogless.design.margins import Real
-from cogless.design.ripple import HARMFUL_RATIO, Sampled, counting, current_noise, orders, responses, sampled
+from cogless.design.ripple import (
+    HARMFUL_RATIO,
+    Sampled,
+    counting,
+    current_noise,
+    disturbed,
+    orders,
+    responses,
+    sampled,
+    seen_as,
+)
 from cogless.design.speed_loop import SpeedLoop, speed_loop
 from cogless.design.verdict import SAMPLE_COUNTS_LEAST
 from cogless.design.warnings import CURED_RATIO
@@ -233,11 +243,12 @@ def _alone(
     n, d = waves
     of_error = np.array(_error_orders(sensor), dtype=float)
     amplitudes = np.array([abs(sensor.wave(int(order))) for order in of_error])
-    _, S = responses(loop, feedback, of_error * omega / TURN)
+    seen = seen_as(of_error * omega / TURN, loop.period)
+    _, S = responses(loop, feedback, seen)
     return _Alone(
-        np.abs(responses(loop, feedback, np.asarray(n * omega / TURN))[0]) * d,
+        disturbed(loop, feedback, np.asarray(n * omega / TURN)) * d,
         0.0 if source.timed else math.sqrt(counting(loop, feedback, source)),
-        _rms(of_error * omega * amplitudes * np.abs(1 - S)),
+        _rms(TURN * seen * amplitudes * np.abs(1 - S)),
         math.sqrt(current_noise(study, loop, feedback)),
     )
 

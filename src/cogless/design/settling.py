@@ -19,7 +19,7 @@ from cogless.design.law_rules import feedback_of
 from cogless.design.laws.harmonic import Certificate, harmonic_gains, loses_voltage
 from cogless.design.laws.harmonic_transfer import gamma
 from cogless.design.learning_loop import LearningLoop
-from cogless.design.ripple import orders, responses, ripple
+from cogless.design.ripple import disturbed, orders, ripple
 from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import judged
 from cogless.study import Study, for_scenario
@@ -110,7 +110,7 @@ def _time_of_harmonic(
         return None
     learner, loop = certified.learner, speed_loop(study, scenario)
     w = np.asarray(n * omega, dtype=np.float64)
-    alone = np.abs(responses(loop, feedback, w / math.tau)[0]) * d
+    alone = disturbed(loop, feedback, w / math.tau) * d
     learned = np.isin(n, certified.learned_orders(speed))
     # a low speed bounds the rate: pi radians of the base order are the shortest time constant
     rate = min(speed.rate, learner.base * omega / math.pi)

@@ -402,6 +402,11 @@ class SpeedLoop:
         return (5, 6) if self.shaft is not None and self.shaft.on_load else (OMEGA, THETA)
 
     @property
+    def measures_speed(self) -> bool:
+        """Whether the speed is measured itself, not computed from angles."""
+        return not (self.window or self.bandwidth or self.edge)
+
+    @property
     def rigid(self) -> SpeedLoop:
         """The speed loop with both masses as one."""
         return dataclasses.replace(self, shaft=None)
@@ -410,6 +415,14 @@ class SpeedLoop:
     def near(self) -> Real | None:
         """Frequencies around the resonances of a soft shaft, rad/s; None: it is rigid."""
         return None if self.shaft is None else self.shaft.near(self.period)
+
+    def driven(self, w: Real) -> Complex:
+        """Response of the motor's speed to a torque, as the current that makes it, at w in rad/s."""
+        if self.shaft is None:
+            return np.asarray(self.b / (1j * w))
+        rates = self.shaft.rates(self.b)[1:5]  # of the motor's speed and angle, then the load's
+        free = 1j * np.asarray(w)[:, None, None] * np.eye(4) - rates[:, 1:5]
+        return np.asarray(np.linalg.solve(free, np.broadcast_to(rates[:, :1], (len(w), 4, 1)))[:, 0, 0])
 
     def plant(self, w: Real) -> tuple[Complex, Complex]:
         """P(jw), from current reference to measured speed, and the response to the sampled angle, rad/A."""
@@ -437,7 +450,7 @@ class SpeedLoop:
         if self.bandwidth:
             speed = observed(w, self.bandwidth, self.current.period)
             return np.asarray(speed * x[:, theta]), np.asarray(x[:, theta])
-        if self.window == 0:
+        if self.measures_speed:
             return np.asarray(x[:, omega]), np.asarray(x[:, theta])
         samples = -(-self.window // self.steps)
         then = self.step_of(samples * self.steps - self.window)[theta]

@@ -58,4 +58,4 @@ def _keys(sheet: Sheet) -> Iterator[tuple[str, str]]:
             path = f"{path}.{places[path] - 1}"
         for key, value in section.guessed.items():
             if not f"{path}.{key}".startswith(PARTS_OF_ANSWERS):
-                yield f"{path}.{key}", str(value)
+                yield f"{path}.{key}", ", ".join(value) if isinstance(value, list) else str(value)

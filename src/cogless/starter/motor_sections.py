@@ -397,7 +397,8 @@ def _layout_variants(
             change["motor.pole_pairs"] = poles // 2
             label += f" and {poles} poles"
         variants[label] = change
-    return Guess(key="motor.slots", name="number of slots", span=" or ".join(variants), variants=variants)
+    instead = f"{' or '.join(variants)} in place of {layout[0]}"
+    return Guess(key="motor.slots", name="number of slots", span=instead, variants=variants)
 
 
 def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
