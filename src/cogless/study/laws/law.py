@@ -69,8 +69,8 @@ class Start(Table):
     frame: Literal["mechanical", "electrical"] = "mechanical"
     """Whether the angle in the file of `table` is mechanical or electrical."""
     sign: Literal["holding", "cogging"] | None = None
-    """Meaning of the values in the file of `table`, with which this key is required. `"holding"`: current or
-    torque that holds the rotor against the motor's own torque. `"cogging"`: the motor's own torque."""
+    """Meaning of the values in the file of `table`. `"holding"`: current or torque that holds the rotor
+    against the motor's own torque. `"cogging"`: the motor's own torque. Required with `table`."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -460,8 +460,7 @@ class Feedback(Base):
     ki: SpeedIntegralGain | None = None  # A/rad
     """Integral gain of the PI: current per integral of the speed error. Give `kp` and `ki`, or `tuning`."""
     tuning: Tuning | None = None
-    """Rule that computes `kp` and `ki`. The law `harmonic` computes the numbers of its learning part by a
-    rule even if you give `kp` and `ki`."""
+    """Rule that computes `kp` and `ki`. The rule `auto` also computes the law's other numbers."""
 
     @property
     def has_pi(self) -> bool:
