@@ -209,9 +209,9 @@ class CurrentLoop(Table):
     ki: CurrentIntegralGain | None = None  # V/A/s
     """Integral gain of the current controllers of both axes. Give `kp` and `ki`, or only `bandwidth`."""
     bandwidth: Frequency | None = None  # Hz
-    r"""Bandwidth $f$ of the current loop, from which the gains follow: kp = $2\pi f L$, ki = $2\pi f R_s$.
-    $L$ (inductance of the axis) and $R_s$ (resistance) are the values that the controller assumes. With these
-    gains the zero of the current controller cancels the winding's pole."""
+    r"""Bandwidth $f$ of the current loop, from which the gains follow: `kp` = $2\pi f L$, `ki` = $2\pi f
+    R_s$. $L$ (inductance of the axis) and $R_s$ (resistance) are the values that the controller assumes. With
+    these gains the zero of the current controller cancels the winding's pole."""
     decoupling: bool = True
     """True: the controller adds the [voltages that depend on the speed](/laws/current-loop.md#equations) to
     its output, as a feedforward. False: without this feedforward."""
@@ -387,8 +387,8 @@ class CurrentSensors(Table):
     offset: tuple[Current, Current, Current] = Field(default=(0.0, 0.0, 0.0), strict=False)  # A
     """Offsets of the current sensors of the phases a, b and c."""
     gain_error: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), strict=False)
-    """Relative gain errors of the current sensors of the phases a, b and c. At the phase current i a sensor
-    measures (1 + gain_error) i + offset."""
+    """Relative gain errors of the current sensors of the phases a, b and c. At the phase current $i$ a sensor
+    measures (1 + `gain_error`) $i$ + `offset`."""
     noise: CurrentMagnitude = 0.0  # A rms
     """Standard deviation of the white noise of each current sensor."""
     bits: Annotated[int, Field(ge=0, le=32)] = 0

@@ -29,8 +29,8 @@ class Wave(Table):
     order: Annotated[int, Field(ge=1, le=1000)]
     """Number of periods of this wave in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
-    """Amplitude of this wave, as an electrical angle. The wave adds magnitude sin(order $u$ + phase) to the
-    commanded electrical angle $u$."""
+    """Amplitude of this wave, as an electrical angle. The wave adds `magnitude` sin(`order` $u$ + `phase`) to
+    the commanded electrical angle $u$."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
     """Phase of this wave: 360 deg are one of its periods."""
 
