@@ -177,8 +177,9 @@ class TrialConditions(Table):
     override: Override | None = None
     """Values that the simulated motor or plant has in this scenario, unknown to the controllers. For a drive:
     values of `motor` and `mechanics` by dotted key. For a linear plant: values of its parameters, or the
-    number of a corner, such as `{ vertex = 2 }`. [The certificate](/theory/trial-design.md#the-certificate)
-    does not cover values outside the parameters' ranges."""
+    number of one of its `vertex` tables, such as `{ vertex = 2 }`. [The
+    certificate](/theory/trial-design.md#the-certificate) does not cover values outside the parameters'
+    ranges."""
 
     @field_validator("override")
     @classmethod

@@ -123,7 +123,7 @@ class Microstepping(Base):
     open_loop: ClassVar[bool] = True
 
     law: Literal["microstepping"]
-    """Microstepping of a step motor without a sensor, see [](/laws/microstepping.md)."""
+    """[Microstepping](/laws/microstepping.md) of a step motor without a sensor."""
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)]  # A rms
     r"""Rms current of each coil, like `run_current` of a stepper driver. The current's amplitude is $\sqrt2$
     times as large."""

@@ -288,7 +288,7 @@ class SpacePosition(SpaceLearning):
     """Integral gain: current per integral of the speed error, to which `k_theta` times the angle error is
     added. With `hand_over` the integral fades out while learning fades in."""
     tuning: Tuning | None = None
-    """Rule that computes `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
+    """[Rule](/theory/learning-in-angle.md#a-fair-pi) that computes `k_theta`, `k_omega` and `k_i`."""
     k_v: SpeedIntegralGain = 0.0  # A/rad
     """Gain of an additional current that is proportional to the angle error."""
     v_0: SpeedGain = 0.0  # A*s/rad
