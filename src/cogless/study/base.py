@@ -299,8 +299,7 @@ class TraceSettings(Table):
     """Number of rows of the trace per second. It must be the rate of the current loop divided by a whole
     number. With a switched inverter, in a study without trials, it may also be [a multiple of this
     rate](/theory/inverter.md#between-samples). Default: the rate of the current loop; in a study of trials,
-    one row per sample. Memory: a row takes 8 bytes for each of about 20 signals, so 10 min at 1 kHz take 100
-    MB."""
+    one row per sample. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz take 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
     """Largest number of rows per second that are written to `traces.nc`. A study of trials writes all rows of
     its trace."""

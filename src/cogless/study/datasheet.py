@@ -40,9 +40,9 @@ class AngleFile(Table):
 
     file: File
     """CSV file with a column `angle` and a column of values, with their units in the first line. For cogging,
-    the values are in a column `torque`, or in a column `current`: the torque divided by $K_t$ (torque per
-    peak ampere). For a back-EMF, they are in a column `voltage`, measured while the motor turns forwards; the
-    rotor may have any position at the angle zero of the file."""
+    the values are a `torque`, or a `current`: the torque divided by $K_t$ (torque per peak ampere). For a
+    back-EMF, they are a `voltage`, measured while the motor turns forwards; the rotor may have any position
+    at the angle zero."""
     frame: Literal["mechanical", "electrical"]
     """Whether the table spans a mechanical or an electrical revolution. From a back-EMF over a mechanical
     revolution, cogless takes only orders that are multiples of `pole_pairs`."""

@@ -48,9 +48,9 @@ class Monitor(Table):
     omega_max: AngularSpeedMagnitude | None = None  # rad/s
     """Largest plausible magnitude of the rotor's speed; a faster measured speed [counts as
     missing](/laws/monitor.md#what-the-monitor-watches). Default: 1.5 times the no-load speed, which follows
-    from the bus voltage and the `psi_f` that the controller assumes, and is higher with `field_weakening`.
-    The default is at least the no-load speed plus the resolution of the measured speed. With an ideal current
-    loop: no check."""
+    from the bus voltage and the `psi_f` that the controller assumes and is higher with `field_weakening`; but
+    at least the no-load speed plus the resolution of the measured speed. With an ideal current loop: no
+    check."""
     angle_step: AngleMagnitude | None = None  # rad
     """Resolution of the measured angle. In a current-loop period the angle may change by `omega_max` times
     this period plus `angle_step`; a larger change is a [jump](/laws/monitor.md#jumps). Default: one step of
@@ -214,7 +214,7 @@ class CurrentLoop(Table):
     these gains the zero of the current controller cancels the winding's pole."""
     decoupling: bool = True
     """True: the controller adds the [voltages that depend on the speed](/laws/current-loop.md#equations) to
-    its output, as a feedforward. False: without this feedforward."""
+    its output, as a feedforward."""
     current_limit: CurrentLimit  # A
     """Largest length of the vector of current references $(i_d, i_q)$."""
 
@@ -416,8 +416,7 @@ class Bus(Table):
     """Time from the computation of a current reference in the law until this reference acts in the drive."""
     jitter: Time = 0.0  # s
     """Largest random time by which `delay_measured` and `delay_command` become longer. For each measured
-    value and each command a new time is drawn; all times from zero to `jitter` are equally likely. The
-    study's `seed` fixes them."""
+    value and each command a new time is drawn; all times from zero to `jitter` are equally likely."""
     quantum: CurrentMagnitude = 0.0  # A
     """Step to which the bus rounds the current reference. 0: no rounding."""
 
@@ -466,8 +465,7 @@ class Drive(Table):
     """Windows in which [the ripple that remains](/laws/monitor.md#how-good-learning-is) despite learning is
     measured, and the size of the speed errors from which a law does not learn."""
     guard: bool = True
-    """True: [the guard](/laws/guard.md) stops learning that leaves more ripple than the feedback alone.
-    False: there is no guard."""
+    """True: [the guard](/laws/guard.md) stops learning that leaves more ripple than the feedback alone."""
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:

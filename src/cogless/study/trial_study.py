@@ -162,9 +162,8 @@ class TrialConditions(Table):
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
     """Load steps `[sample, amount]`. From this sample of each trial until the next step, the constant part of
-    the load is `amount`. For a drive the amount is a torque against positive rotation, and replaces the
-    `torque` of `load`; for a linear plant it is the disturbance $d$ in the unit of the input $u$. `[]`: no
-    load steps."""
+    the load is `amount`. For a drive this is a torque against positive rotation, in place of the `torque` of
+    `load`; for a linear plant it is the disturbance $d$ in the unit of the input $u$. `[]`: no load steps."""
     initial_angle: Angle | None = None  # rad
     """Angle of a drive at the start of each trial. Default: the first position of the reference."""
     initial_speed: AngularSpeed | None = None  # rad/s

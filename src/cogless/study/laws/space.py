@@ -286,7 +286,7 @@ class SpacePosition(SpaceLearning):
     """Speed gain: current per speed error. Give `k_theta` and `k_omega`, or `tuning`."""
     k_i: SpeedIntegralGain = 0.0  # A/rad
     """Integral gain: current per integral of the speed error, to which `k_theta` times the angle error is
-    added. With `hand_over` the integral fades out while learning fades in."""
+    added."""
     tuning: Tuning | None = None
     """[Rule](/theory/learning-in-angle.md#a-fair-pi) that computes `k_theta`, `k_omega` and `k_i`."""
     k_v: SpeedIntegralGain = 0.0  # A/rad

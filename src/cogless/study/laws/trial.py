@@ -28,9 +28,9 @@ class SignalFilter(Table):
     order: Annotated[int, Field(ge=1, le=4)] = 2
     """Order of the Butterworth filter, which runs once in each direction."""
     ends: Ends = "even"
-    """How the filter continues the signal beyond both ends of the trial. `even`: mirrored in time, so that
-    the filter never raises the RMS of the signal. `odd`: mirrored in time and about the value at the end, as
-    in SciPy's filtfilt. This keeps a slope at the ends, but amplifies noise there."""
+    """How the filter continues the signal beyond both ends of the trial. `even`: mirrored in time; the filter
+    then never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: also mirrored about the value at
+    the end. This keeps a slope at the ends, but amplifies noise there."""
 
 
 class QFilter(SignalFilter):
@@ -63,7 +63,7 @@ class TrialLaw(Base):
     it](/guide/trial-studies.md#a-motion-that-changes)."""
     guard: bool = True
     """True: [the guard](/laws/trial.md#the-guard) takes back learning that leaves more error than the
-    feedback alone. False: there is no guard."""
+    feedback alone."""
 
     of_trials: ClassVar[bool] = True
     # design settings that the law has under another name: setting -> key of the law
@@ -132,12 +132,11 @@ class TrialIlc(FilteredLaw):
     the feedback. `"input"`: only to the input; the integrator then [works against what is
     learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
-    """True: the feedback has an integrator of the error. False: it has none."""
+    """True: the feedback has an integrator of the error."""
     learning: bool = True
     """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
-    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference. False:
-    it has none."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference."""
     K_s: Many[float] | None = None
     """Gains of the state feedback: one for each state, then one for the integrator. `cogless design`
     certifies given gains. Default: the design computes the gains."""
@@ -213,10 +212,9 @@ class NormOptimalIlc(TrialLaw):
     """Where the learned signal $v$ is added. `"input-and-integrator"`: to the input and to the integrator of
     the feedback. `"input"`: only to the input."""
     integral: bool = True
-    """True: the feedback has an integrator of the error. False: it has none."""
+    """True: the feedback has an integrator of the error."""
     feedforward: bool = True
-    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference. False:
-    it has none."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference."""
     K_s: Many[float] | None = None
     """Gains of the state feedback: one for each state, then one for the integrator. Default: the design
     computes them."""
@@ -253,8 +251,7 @@ class ObserverIlc(TrialLaw):
     learning: bool = True
     """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
-    """True: the law adds the input that the nominal plant needs to follow the reference. False: it does
-    not."""
+    """True: the law adds the input that the nominal plant needs to follow the reference."""
     pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
         None  # of observer and feedback; default: by the rule
     )
@@ -264,9 +261,9 @@ class ObserverIlc(TrialLaw):
     """Cut-off frequency of the filter on the learned signal $v$. Default: [a
     rule](/theory/trial-design.md#learning-the-missing-input) computes it."""
     ends: Ends = "even"
-    """How the filter continues the learned signal beyond both ends of the trial. `even`: mirrored in time, so
-    that the filter never raises the RMS of the signal. `odd`: mirrored in time and about the value at the
-    end, as in SciPy's filtfilt. This keeps a slope at the ends, but amplifies noise there."""
+    """How the filter continues the learned signal beyond both ends of the trial. `even`: mirrored in time;
+    the filter then never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: also mirrored about the
+    value at the end. This keeps a slope at the ends, but amplifies noise there."""
 
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
 
@@ -319,8 +316,8 @@ class DesignSettings(Table):
     Euler's method. Default ([why](/theory/trial-design.md#the-plant-as-a-polytope)): `euler` for the
     inequalities that give the gains, `exact` for the feedforward."""
     sensor: bool = True
-    """True: what `cogless design` proves and predicts, and the rule of `observer-ilc`, take into account
-    latency, speed method and steps of the position sensor, and the delay of a bus
+    """True: what `cogless design` proves and predicts, and the rule of `observer-ilc`, include latency, speed
+    method and steps of the position sensor and the delay of a bus
     ([how](/theory/trial-design.md#the-sensor)). False: they assume an ideal sensor, but the predicted errors
     still include the steps."""
     state_weight: Weight
@@ -336,9 +333,9 @@ class DesignSettings(Table):
     for each state, and one for the integrator if `state_weight` has it."""
     initial_change: Many[float] | None = None
     """Change of the initial state from one trial to the next, for which the design chooses [the learning
-    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the vector $f$ of (31) in Mandra
-    2019, with as many numbers as `initial_state`. Default: `initial_state`. If all trials start alike, even
-    with an offset, give zeros: the design then minimises the [factor per
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$ ($f$ in (31) of Mandra 2019): as
+    many numbers as in `initial_state`. Default: `initial_state`. If all trials start alike, even with an
+    offset, give zeros: the design then minimises the [factor per
     trial](/theory/trial-design.md#the-certificate) at the worst frequency."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
     """Error of the first trial, for which the design chooses [the learning
