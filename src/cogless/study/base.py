@@ -34,8 +34,8 @@ class FitParameter(Table):
     key: str
     """Dotted key of the value to fit, such as `mechanics.inertia`."""
     scenario: str | None = None
-    """Scenario for which the value is fitted: the fitted value belongs into its `override`. Default: the
-    value is fitted for all scenarios."""
+    """Scenario to which the fitted value applies, by its `override`. Default: the value applies to all
+    scenarios."""
     initial: str | float | None = None
     """Value at which the fit starts. Default: the value in the study."""
     lower: str | float | None = None
@@ -56,7 +56,8 @@ class Target(Table):
     """Name of the metric that should have the target value."""
     value: Any
     """Target value of the metric, with a unit. For a metric of kind `order`: a list with one value for each
-    order. In a study of trials: a list with one value for each trial or phase."""
+    order. In a study of trials: a list with one value for each trial; for the kinds `first-rms`, `final-rms`
+    and `trials-to-floor`, one value for each phase (the trials from one of the `changes` to the next)."""
     weight: Annotated[float, Field(gt=0)] = 1.0
     """Factor by which the fit multiplies the relative deviation of the metric from `value`."""
 
@@ -97,9 +98,9 @@ class Distribution(Table):
     """
 
     uniform: Number | Many[Number] | None = None
-    """All values between two limits are equally likely. One number, with the key's unit or in %: the largest
-    deviation from the study's value to both sides. Two numbers with the key's unit: the limits. Two numbers
-    in %: their deviations from the study's value, such as `["-10 %", "20 %"]`."""
+    """All values between two limits are equally likely. `"20 %"` or `"1 mH"`: the limits lie this far below
+    and above the study's value. `["1 mH", "3 mH"]`: the limits. `["-10 %", "20 %"]`: the limits lie 10 %
+    below and 20 % above the study's value."""
     log: Number | Many[Number] | None = None
     """The logarithm of the value is uniformly distributed between two limits. One number, such as `"50 %"`:
     the limits are the study's value divided by 1.5 and multiplied by 1.5. Two numbers: the limits."""
@@ -137,9 +138,8 @@ class Together(Table):
     keys: Many[str]
     """Two or more keys of `[vary]` whose values are correlated."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
-    """Correlation of each pair of these keys. Strictly, it is the correlation of normally distributed
-    variables from which the values of the keys are computed (a Gaussian copula). Each key keeps its own
-    distribution."""
+    """Correlation that each pair of these keys has. For $n$ keys it must be at least $-1/(n - 1)$. Each key
+    keeps its own distribution: strictly, this is the correlation of a Gaussian copula."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -194,7 +194,8 @@ class Hold(Table):
     """What must hold of the tuned controllers: a metric's limit, in at least this share of the variants."""
 
     metric: str
-    """Name of the metric that has a limit, written as for `minimise` in `[tune]`."""
+    """Name of the metric that has a limit. For a metric of kind `order` add the order: `NAME.72` is order
+    72."""
     limit: Number
     """Limit of this metric, with a unit: the largest allowed value, or the smallest one if higher values of
     the metric are better."""
@@ -222,7 +223,8 @@ class Tune(Table):
     """Scenarios in which the metrics are computed for tuning. Default: all scenarios in which the tuned
     controller runs."""
     variants: Annotated[int, Field(ge=1)] = 32
-    """Number of variants in the ensemble on which each set of gains is tried."""
+    """Number of random variants of the study ([ensemble](/guide/ensembles.md)) on which each set of gains is
+    tried."""
     budget: Annotated[int, Field(ge=2)] = 200
     """Number of sets of gains that are tried for each controller."""
 
@@ -294,10 +296,10 @@ class TraceSettings(Table):
     """Settings of the trace, the signals recorded in a run."""
 
     rate: Frequency | None = None  # Hz
-    """Rows of the trace per second: the current loop's rate divided by a whole number. Default: one row per
-    current-loop period; in a study of trials one row per sample. With a switched inverter, a study without
-    trials may also have [several rows per current-loop period](/theory/inverter.md#between-samples). A row
-    takes 8 bytes for each of about 20 signals: 10 min at 1 kHz take 100 MB."""
+    """Number of rows of the trace per second. It must be the rate of the current loop divided by a whole
+    number. With a switched inverter, in a study without trials, it may also be [a multiple of this
+    rate](/theory/inverter.md#between-samples). Default: the rate of the current loop; in a study of trials,
+    one row per sample. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz take 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
     """Largest number of rows per second that are written to `traces.nc`. A study of trials writes all rows of
     its trace."""

@@ -39,15 +39,16 @@ class AngleFile(Table):
     """A CSV table over a revolution, mechanical or electrical. `orders`: of that revolution."""
 
     file: File
-    """CSV file with the column `angle` and a column of values, with their units in the first line. Cogging is
-    a column `torque` or `current`; the current is the torque divided by $K_t$ (torque per peak ampere). A
-    back-EMF is a column `voltage`, measured while the motor turns forwards; its angle may begin anywhere."""
+    """CSV file with a column `angle` and a column of values, with their units in the first line. For cogging,
+    the values are a `torque`, or a `current`: the torque divided by $K_t$ (torque per peak ampere). For a
+    back-EMF, they are a `voltage`, measured while the motor turns forwards; the rotor may have any position
+    at the angle zero."""
     frame: Literal["mechanical", "electrical"]
     """Whether the table spans a mechanical or an electrical revolution. From a back-EMF over a mechanical
     revolution, cogless takes only orders that are multiples of `pole_pairs`."""
     orders: Many[TableOrder] | None = None
-    """Orders to take from the table, in waves per revolution of its angle. Default: the largest orders; those
-    left out have at most 2 % of the table's rms value."""
+    """Orders to take from the table, in waves per revolution of its angle. Default: the orders with the
+    largest amplitudes. All other orders together then have at most 2 % of the table's rms value."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(
@@ -128,9 +129,11 @@ class CoggingTable(AngleFile):
     """Peak-to-peak cogging torque that the datasheet states. cogless refuses a table whose peak-to-peak
     torque differs by more than 5 %. Default: no check."""
     current_peak: Current | None = None  # A
-    """The same check as by `peak`, for a table of currents."""
+    """Largest magnitude of the cogging current that the datasheet states, for a table with the column
+    `current`. cogless refuses a table whose peak differs by more than 5 %. Default: no check."""
     current_peak_to_peak: Current | None = None  # A
-    """The same check as by `peak_to_peak`, for a table of currents."""
+    """Peak-to-peak cogging current that the datasheet states, for a table with the column `current`. cogless
+    refuses a table whose peak-to-peak current differs by more than 5 %. Default: no check."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:

@@ -46,26 +46,28 @@ class Monitor(Table):
     """Bounds of plausible measurements. Zero: not checked. The defaults are derived from the drive."""
 
     omega_max: AngularSpeedMagnitude | None = None  # rad/s
-    """Largest plausible magnitude of the rotor's speed. Default: 1.5 times the no-load speed that follows
-    from bus voltage, assumed flux and field weakening, but at least the no-load speed plus the resolution of
-    the measured speed. With an ideal current loop: no check."""
+    """Largest plausible magnitude of the rotor's speed; a faster measured speed [counts as
+    missing](/laws/monitor.md#what-the-monitor-watches). Default: 1.5 times the no-load speed, which follows
+    from the bus voltage and the `psi_f` that the controller assumes and is higher with `field_weakening`; but
+    at least the no-load speed plus the resolution of the measured speed. With an ideal current loop: no
+    check."""
     angle_step: AngleMagnitude | None = None  # rad
     """Resolution of the measured angle. In a current-loop period the angle may change by `omega_max` times
     this period plus `angle_step`; a larger change is a [jump](/laws/monitor.md#jumps). Default: one step of
     the position sensor; 1.5 steps with Hall sensors."""
     speed_window: Time | None = None  # s
     """Time over which the position sensor measures the speed. For this time after a jump of the angle the
-    measured speed is not plausible. Default: the sensor's key `window` with the `speed_method` `average`; ten
-    time constants of the observer with `observer`; 0 with an ideal sensor; otherwise two periods of the law.
-    A `speed_filter` adds ten of its time constants."""
+    measured speed is not plausible. Default: with an ideal sensor 0; with the `speed_method` `average` the
+    sensor's key `window`; with the `speed_method` `observer` ten time constants of the observer; otherwise
+    two periods of the law. A `speed_filter` adds ten of its time constants."""
     stuck_angle: AngleMagnitude | None = None  # rad
     """The measured angle counts as [stuck](/laws/monitor.md#a-stuck-angle) only if it is constant while the
-    reference turns by more than `stuck_angle`. Default: 0.5 rad plus two steps of the position sensor, but at
-    least four of its steps."""
+    reference speed would turn the rotor by more than `stuck_angle`. Default: 0.5 rad plus two steps of the
+    position sensor, but at least four of its steps."""
     stuck_time: Time | None = None  # s
-    """The measured angle counts as [stuck](/laws/monitor.md#a-stuck-angle) only if full current for this time
-    has not moved it. Default: 100 ms, but at least the time in which a tenth of the largest torque turns the
-    inertia by one step of the position sensor."""
+    """The measured angle counts as stuck only if [full current](/laws/monitor.md#a-stuck-angle) for the time
+    `stuck_time` has not changed it. Default: the time in which a tenth of the largest torque turns the
+    inertia by one step of the position sensor, but at least 100 ms."""
     current_max: CurrentMagnitude | None = None  # A
     """Largest plausible length of the measured current vector. Default: twice `current_limit`, but at least
     `current_limit` plus six standard deviations of the current sensors' noise."""
@@ -207,12 +209,12 @@ class CurrentLoop(Table):
     ki: CurrentIntegralGain | None = None  # V/A/s
     """Integral gain of the current controllers of both axes. Give `kp` and `ki`, or only `bandwidth`."""
     bandwidth: Frequency | None = None  # Hz
-    r"""Bandwidth $f$ of the current loop, from which the gains follow: kp = $2\pi f L$, ki = $2\pi f R_s$.
-    $L$ (inductance of the axis) and $R_s$ (resistance) are the values that the controller assumes. With these
-    gains the zero of the current controller cancels the winding's pole."""
+    r"""Bandwidth $f$ of the current loop, from which the gains follow: `kp` = $2\pi f L$, `ki` = $2\pi f
+    R_s$. $L$ (inductance of the axis) and $R_s$ (resistance) are the values that the controller assumes. With
+    these gains the zero of the current controller cancels the winding's pole."""
     decoupling: bool = True
     """True: the controller adds the [voltages that depend on the speed](/laws/current-loop.md#equations) to
-    its output, as a feedforward. False: without this feedforward."""
+    its output, as a feedforward."""
     current_limit: CurrentLimit  # A
     """Largest length of the vector of current references $(i_d, i_q)$."""
 
@@ -385,8 +387,8 @@ class CurrentSensors(Table):
     offset: tuple[Current, Current, Current] = Field(default=(0.0, 0.0, 0.0), strict=False)  # A
     """Offsets of the current sensors of the phases a, b and c."""
     gain_error: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), strict=False)
-    """Relative gain errors of the current sensors of the phases a, b and c. At the phase current i a sensor
-    measures (1 + gain_error) i + offset."""
+    """Relative gain errors of the current sensors of the phases a, b and c. At the phase current $i$ a sensor
+    measures (1 + `gain_error`) $i$ + `offset`."""
     noise: CurrentMagnitude = 0.0  # A rms
     """Standard deviation of the white noise of each current sensor."""
     bits: Annotated[int, Field(ge=0, le=32)] = 0
@@ -413,8 +415,8 @@ class Bus(Table):
     delay_command: Time = 0.0  # s
     """Time from the computation of a current reference in the law until this reference acts in the drive."""
     jitter: Time = 0.0  # s
-    """Largest random time that is added to `delay_measured` and to `delay_command`, each time anew. It is
-    evenly distributed from zero on. The study's `seed` fixes the random times."""
+    """Largest random time by which `delay_measured` and `delay_command` become longer. For each measured
+    value and each command a new time is drawn; all times from zero to `jitter` are equally likely."""
     quantum: CurrentMagnitude = 0.0  # A
     """Step to which the bus rounds the current reference. 0: no rounding."""
 
@@ -437,8 +439,9 @@ class Drive(Table):
     current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
     """Gains and current limit of the current loop."""
     current_reference: CurrentReference | None = None
-    """How the drive computes the references of $i_d$ and $i_q$ from the law's torque. Default: the reference
-    of $i_d$ is zero, and the law's output is the reference of $i_q$."""
+    """How the drive computes the references of $i_d$ and $i_q$ from the law's output, which then stands for a
+    torque ([equations](/laws/current-loop.md#most-torque-per-current-and-field-weakening)). Default: the
+    reference of $i_d$ is zero, and the law's output is the reference of $i_q$."""
     inverter: Inverter | None = None
     """Inverter, which converts duty cycles to voltages. Required, unless the current loop is ideal."""
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
@@ -459,10 +462,10 @@ class Drive(Table):
     monitor: Monitor = Monitor()
     """Bounds of plausible measurements ([what the monitor does](/laws/monitor.md))."""
     quality: Quality = Quality()
-    """How the ripple that remains is measured, and from which errors a law does not learn."""
+    """Windows in which [the ripple that remains](/laws/monitor.md#how-good-learning-is) despite learning is
+    measured, and the size of the speed errors from which a law does not learn."""
     guard: bool = True
-    """True: [the guard](/laws/guard.md) stops learning that leaves more ripple than the feedback alone.
-    False: there is no guard."""
+    """True: [the guard](/laws/guard.md) stops learning that leaves more ripple than the feedback alone."""
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:

@@ -160,8 +160,7 @@ class LinearPlant(Table):
     """Standard deviation of the white noise on each measured state, such as `[1e-5, 0]`. Only the law gets
     noisy states: metrics and traces have the true states. Default: no noise."""
     load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0
-    """Standard deviation of the white noise on the disturbance $d$, in the unit of the input $u$. Each sample
-    has a new random value."""
+    """Standard deviation of the white noise on the disturbance $d$, in the unit of the input $u$."""
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:

@@ -44,8 +44,8 @@ class TorqueHarmonic(Table):
     order: Order
     """Order of this harmonic: number of its waves per mechanical revolution."""
     torque: Torque  # N*m
-    r"""Amplitude of this harmonic, torque sin(order $\theta$ + phase) at the mechanical angle $\theta$. The
-    harmonic is added to the load torque, or to the friction."""
+    r"""Amplitude of this harmonic. The harmonic is `torque` sin(`order` $\theta$ + `phase`) at the mechanical
+    angle $\theta$. In `harmonics` it is added to the load torque, in `friction_harmonics` to the friction."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 
@@ -140,9 +140,10 @@ class Mass(Table):
     """Largest torque against which friction holds a body at standstill, at least `coulomb_friction`. Default:
     `coulomb_friction`."""
     stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s
-    r"""Stribeck speed $\omega_s$, at which friction has fallen most of the way from `breakaway_friction`,
-    $\tau_{breakaway}$, to `coulomb_friction`, $\tau_C$. At the speed $\omega$ it is $\tau_C +
-    (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: friction falls at once."""
+    r"""Stribeck speed $\omega_s$: at this speed, friction has fallen by 63 % of the way from
+    `breakaway_friction` $\tau_{breakaway}$ to `coulomb_friction` $\tau_C$. At the speed $\omega$, friction
+    without its viscous part is $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: it is
+    $\tau_C$ at any speed except standstill."""
     friction_harmonics: Many[TorqueHarmonic] = ()  # N*m
     """Sines of the mechanical angle that are added to `coulomb_friction` and `breakaway_friction`."""
     friction_table: AngleTable | None = None  # N*m
@@ -192,8 +193,8 @@ class GearError(Table):
     """Order of this part of the gear's error: number of its waves per revolution of the shaft that `side`
     names."""
     angle: AngleMagnitude  # rad
-    r"""Amplitude of this part of the gear's error. It adds angle sin(order $\theta$ + phase) to the angle of
-    the gear's output, with the angle $\theta$ of the shaft that `side` names."""
+    r"""Amplitude of this part of the gear's error. The part adds `angle` sin(`order` $\theta$ + `phase`) to
+    the output's angle. $\theta$ is the angle of the shaft that `side` names."""
     phase: Angle = 0.0  # rad
     """Phase of this part of the gear's error: 360 deg are one of its waves."""
 
@@ -240,8 +241,9 @@ class Accelerometer(Table):
     rate: Frequency = 3200.0  # Hz
     """Number of samples per second. `trace.rate` must be at least four times as high."""
     rate_error: Annotated[float, Field(ge=0, le=0.1)] = 0.0
-    """Largest relative error of the accelerometer's own clock. The error is drawn at random for each log.
-    Klipper measures the clock, so the times in a log are right."""
+    """Largest relative error of the sample rate, since the accelerometer has its own clock. The error is
+    drawn at random for each log. The times in a log are right, as Klipper measures the clock; only their
+    spacing differs from 1/`rate`."""
     noise: AccelerationMagnitude = 0.0  # m/s^2
     """Standard deviation of the noise in each axis of each sample."""
     resolution: AccelerationMagnitude = 0.0  # m/s^2

@@ -65,11 +65,11 @@ class FluxHarmonic(Table):
     order: Order
     """Order of this harmonic: number of its waves per electrical revolution."""
     d: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of this harmonic in the flux linkage $\psi_d$: d cos(order $\theta_e$ + d_phase) at the
-    electrical angle $\theta_e$."""
+    r"""Amplitude of this harmonic in the flux linkage $\psi_d$. The harmonic is `d` cos(`order` $\theta_e$ +
+    `d_phase`) at the electrical angle $\theta_e$."""
     q: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of this harmonic in the flux linkage $\psi_q$: q sin(order $\theta_e$ + q_phase) at the
-    electrical angle $\theta_e$."""
+    r"""Amplitude of this harmonic in the flux linkage $\psi_q$. The harmonic is `q` sin(`order` $\theta_e$ +
+    `q_phase`) at the electrical angle $\theta_e$."""
     d_phase: Angle = 0.0  # rad
     r"""Phase of this harmonic in the flux linkage $\psi_d$ (see `d`)."""
     q_phase: Angle = 0.0  # rad
@@ -86,8 +86,8 @@ class TorqueRipple(Table):
     """Order of this harmonic: number of its waves per mechanical revolution."""
     percent: float | None = None  # amplitude
     r"""Amplitude of this harmonic, in per cent of the mean torque constant $K_t$. At the mechanical angle
-    $\theta_m$ the torque constant is $K_t$ (1 + percent/100 sin(order $\theta_m$ + phase)). The [back-EMF has
-    the same relative ripple](/theory/plant.md#torque-constant-ripple). Give `percent` or
+    $\theta_m$ the torque constant is $K_t$ (1 + `percent`/100 sin(`order` $\theta_m$ + `phase`)). The
+    [back-EMF has the same relative ripple](/theory/plant.md#torque-constant-ripple). Give `percent` or
     `percent_peak_to_peak`."""
     percent_peak_to_peak: float | None = None
     """Twice the amplitude of this harmonic, in per cent of the mean torque constant. Give `percent` or
@@ -115,15 +115,15 @@ class Cogging(Table):
     order: Order
     """Order of this harmonic: number of its waves per mechanical revolution."""
     torque: Torque | None = None  # N*m
-    r"""Amplitude of this harmonic of the cogging torque: torque sin(order $\theta_m$ + phase) at the
-    mechanical angle $\theta_m$. Give `torque`, `torque_peak_to_peak` or `current`."""
+    r"""Amplitude of this harmonic of the cogging torque. The harmonic is `torque` sin(`order` $\theta_m$ +
+    `phase`) at the mechanical angle $\theta_m$. Give `torque`, `torque_peak_to_peak` or `current`."""
     torque_peak_to_peak: Torque | None = None  # N*m
     """Peak-to-peak torque of this harmonic, as in most datasheets: twice its amplitude. Give `torque`,
     `torque_peak_to_peak` or `current`."""
     current: Current | None = None  # A
-    """Amplitude of the current that holds the rotor against this harmonic: the torque's amplitude over $K_t$.
-    `phase` is that of the cogging torque, not of the current, which has the opposite sign. Give `torque`,
-    `torque_peak_to_peak` or `current`."""
+    """Amplitude of the current that holds the rotor against this harmonic: the torque's amplitude divided by
+    $K_t$. `phase` is the phase of the cogging torque: add 180 deg to the phase of a measured holding current.
+    Give `torque`, `torque_peak_to_peak` or `current`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 
@@ -426,13 +426,13 @@ class StepMotor(Table):
     1$. Give `L_m` or `holding_torque`."""
     holding_torque: PositiveTorque | None = None  # N*m
     r"""Torque with which the motor holds its position at `rated_current` in both phases. It determines $K_t$
-    = holding_torque / ($\sqrt2$ rated_current). Give `L_m` or `holding_torque`."""
+    = `holding_torque` / ($\sqrt2$ `rated_current`). Give `L_m` or `holding_torque`."""
     rated_current: PositiveCurrent | None = None  # A
     """Direct current in each of the two phases at which the motor has its `holding_torque`."""
     L_m_backward: Many[InductanceAmplitude] = ()  # H
     """Coefficients like those of `L_m`, but for flux waves that turn backwards: coefficient number $j$ makes
-    ripple of the electrical order $j + 1$. In a symmetric motor, the third harmonic of the flux is the third
-    coefficient."""
+    ripple of the electrical order $j + 1$. In a symmetric motor, the third harmonic of the flux turns
+    backwards: give it as the third coefficient, after two zeros."""
     L_f: Many[InductanceAmplitude] = ()  # H
     r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque; $L_{fj}$ makes cogging of the electrical
     order $j$. Give `L_f` or `detent_torque`."""

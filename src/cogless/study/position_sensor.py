@@ -51,8 +51,8 @@ class AngleOrder(Table):
     order: Annotated[int, Field(ge=1, le=ORDER_MAX)]
     """Order of this part of the sensor's error: number of its waves per mechanical revolution."""
     amplitude: Angle  # rad
-    r"""Amplitude of this part of the sensor's angle error: amplitude sin(order $\theta_m$ + phase) at the
-    mechanical angle $\theta_m$."""
+    r"""Amplitude of this part of the sensor's angle error. The part is `amplitude` sin(`order` $\theta_m$ +
+    `phase`) at the mechanical angle $\theta_m$."""
     phase: Angle = 0.0  # rad
     """Phase of this part of the sensor's error: 360 deg are one of its waves."""
 
@@ -80,8 +80,9 @@ class Counted(Mounted):
     """Parts of the sensor's angle error, by order. They are added to the true angle."""
     error_table: File | None = None
     """CSV file of the sensor's angle error over the mechanical angle, with units in its first line: `angle
-    [deg],error [deg]`. Give at least eight rising angles over one revolution; the last error must lead on to
-    the first. Between two angles the error is linear. The path is relative to the study."""
+    [deg],error [deg]`. Give at least eight rising angles in one revolution. Between two angles the error is
+    linear, also from the last angle to the first one of the next revolution, where it must not jump. The path
+    is relative to the study."""
     latency: Time = 0.0  # s
     """Age of the measured angle, and of the speed that is computed from it. Not with the `speed_method` `T`
     or `MT`, which measures the times of edges."""
@@ -241,7 +242,7 @@ class Absolute(Counted):
     """Absolute encoder, whose word is the angle."""
 
     kind: Literal["absolute"]
-    """An absolute encoder. It samples the angle as a resolver does."""
+    """An absolute encoder."""
     bits: Annotated[int, Field(ge=1, le=31)] | None = None
     """Number of bits: the encoder has $2^{bits}$ positions per mechanical revolution. Give `bits` or
     `positions`."""

@@ -71,7 +71,8 @@ class Reference(Table):
     """Frequency of the sine in the speed of the reference."""
     depth: float = 0.0
     """Modulation index of a frequency modulation: largest change of the frequency, divided by `modulation`.
-    The speed at the time t is offset + amplitude sin(2π frequency t + depth sin(2π modulation t))."""
+    The speed at the time $t$ is `offset` + `amplitude` sin(2π `frequency` $t$ + `depth` sin(2π `modulation`
+    $t$))."""
     modulation: Frequency = 0.0  # Hz
     """Frequency with which the frequency of the sine is modulated (see `depth`)."""
     sines: Many[Sine] = ()

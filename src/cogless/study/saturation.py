@@ -39,13 +39,13 @@ class CurrentFile(Table):
     """Values over a current, here or in a CSV file with the same columns."""
 
     current: Many[Current] = ()  # A
-    """Currents of the table, rising. The tables `d` and `q` begin at zero if the axis is alike for both
-    directions of the current; otherwise they contain zero. For `magnet` the currents are $i_q$, from zero
-    on."""
+    """Currents of the table, rising. In `d` and `q`: from zero on if the axis is alike for both directions of
+    the current (cogless then mirrors the table); otherwise negative currents, zero and positive currents. In
+    `magnet`: values of $i_q$ from zero on."""
     flux: Many[FluxAmplitude] | None = None  # Wb
-    """Flux linkage at each current of the table; at zero current it is zero. In the tables `d` and `q` its
-    slope at zero current must equal `L_d` or `L_q` to 10 %. In `magnet` it is the change of the magnets' flux
-    linkage, which is negative if the motor saturates."""
+    """Flux linkage at each current of the table, zero at zero current. In `d` the slope at zero current may
+    differ from `L_d` by at most 10 %, in `q` from `L_q`. In `magnet`: change of the magnets' flux linkage by
+    the current, negative if the motor saturates."""
     file: File | None = None
     """CSV file that replaces `current` and `flux` (in `d` and `q` also `inductance`): it has columns of these
     names, with their units in the first line."""
@@ -254,10 +254,12 @@ class MotorTemperature(Table):
     magnet: Temperature | None = None  # degC
     """Temperature of the magnets at the start of the run. Default: the temperature of the winding."""
     resistance_coefficient: TemperatureCoefficient = COPPER_COEFFICIENT
-    """Relative change of the resistance per kelvin. Default: the value of copper at 20 degC."""
+    """Change of the resistance per kelvin, relative to its value at `reference`. Default: the coefficient of
+    copper for a `reference` of 20 degC."""
     flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
-    """Relative change of the magnets' flux per kelvin, a negative number: about `"-0.0011 1/K"` for neodymium
-    magnets, `"-0.002 1/K"` for ferrite. Cogging changes with the square of the flux."""
+    """Change of the magnets' flux per kelvin, relative to its value at `reference`, a negative number: about
+    `"-0.0011 1/K"` for neodymium magnets, `"-0.002 1/K"` for ferrite. Cogging changes with the square of the
+    flux."""
     heating: Heating | None = None
     """Heat capacities of winding and magnets, and thermal resistances between them and the surroundings.
     Default: the temperatures are constant."""

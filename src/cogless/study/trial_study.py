@@ -161,9 +161,9 @@ class TrialConditions(Table):
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
-    """Load steps `[sample, amount]`: from this sample of each trial on, the load has this amount. For a drive
-    the amount is a torque against positive rotation; for a linear plant it is the disturbance $d$ in the unit
-    of the input $u$. `[]`: no load steps."""
+    """Load steps `[sample, amount]`. From this sample of each trial until the next step, the constant part of
+    the load is `amount`. For a drive this is a torque against positive rotation, in place of the `torque` of
+    `load`; for a linear plant it is the disturbance $d$ in the unit of the input $u$. `[]`: no load steps."""
     initial_angle: Angle | None = None  # rad
     """Angle of a drive at the start of each trial. Default: the first position of the reference."""
     initial_speed: AngularSpeed | None = None  # rad/s
@@ -174,9 +174,11 @@ class TrialConditions(Table):
     """Random deviations of start and load [in each
     trial](/guide/trial-studies.md#starts-and-loads-at-random). Default: no deviations."""
     override: Override | None = None
-    """For a drive: values of `motor` and `mechanics` by dotted key. For a linear plant: values of its
-    parameters, or `{ vertex = 2 }`, its second corner. The controllers do not know these values. The
-    certificate does not cover values outside the parameters' ranges."""
+    """Values that the simulated motor or plant has in this scenario, unknown to the controllers. For a drive:
+    values of `motor` and `mechanics` by dotted key. For a linear plant: values of its parameters, or the
+    number of one of its `vertex` tables, such as `{ vertex = 2 }`. [The
+    certificate](/theory/trial-design.md#the-certificate) does not cover values outside the parameters'
+    ranges."""
 
     @field_validator("override")
     @classmethod

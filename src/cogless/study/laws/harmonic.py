@@ -56,12 +56,13 @@ class Harmonic(Feedback, LearnsWhileRunning):
     """PI with learned harmonics: every gain and order follows from motor and drive."""
 
     law: Literal["harmonic"]
-    """PI with learned harmonics of the motor's ripple."""
+    """PI with learned harmonics of the motor's ripple. [A rule](/laws/harmonic.md#the-rule) computes the
+    numbers of the learning part."""
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
     """Lowest order that the law learns, in waves per mechanical revolution. The law learns only multiples of
-    `base`. Default: the greatest common divisor of `slots` and poles, or in some cases [a multiple of this
-    divisor](/laws/harmonic.md#the-rule). If you give `base`, each order acts up to the speed at which its
-    phase advances by 2.6 rad per sample of the law."""
+    `base`. Default: the greatest common divisor of `slots` and poles, or in two cases [a multiple of
+    it](/laws/harmonic.md#the-rule); with Hall sensors 1. If you give `base`, all learned orders count as
+    [known to exist](/laws/harmonic.md#the-rule). Such orders act up to higher speeds than others."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of the learned current, and of the cosine and the sine coefficient of each order.
     Default: `current_limit` of the drive."""

@@ -69,8 +69,8 @@ class Start(Table):
     frame: Literal["mechanical", "electrical"] = "mechanical"
     """Whether the angle in the file of `table` is mechanical or electrical."""
     sign: Literal["holding", "cogging"] | None = None
-    """Meaning of the values in the file of `table`, with which this key is required. `"holding"`: current or
-    torque that holds the rotor against the motor's own torque. `"cogging"`: the motor's own torque."""
+    """Meaning of the values in the file of `table`. `"holding"`: current or torque that holds the rotor
+    against the motor's own torque. `"cogging"`: the motor's own torque. Required with `table`."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -108,8 +108,9 @@ class Tuning(Table):
     """
 
     rule: Literal["phase-margin", "auto"]
-    """`phase-margin`: computes the gains of the feedback from the key `phase_margin`, see [](/laws/pi.md).
-    `auto`: computes all numbers of the law that the controller's table leaves out, see [](/laws/auto.md)."""
+    """`phase-margin`: [computes the gains of the feedback](/laws/pi.md#tuning-by-phase-margin) from the key
+    `phase_margin`. `auto`: [computes all numbers of the law](/laws/auto.md) that the controller's table
+    leaves out."""
     phase_margin: PhaseMargin = math.radians(45)  # rad
     """Phase margin of the feedback, from 20 to 80 deg (0.3 to 1.45 rad). The rule `phase-margin` requires
     this key; the rule `auto` takes 45 deg by default."""
@@ -164,8 +165,7 @@ class AutoTuning(Tuning):
     """The rule auto alone."""
 
     rule: Literal["auto"]
-    """`auto`: computes all numbers of the law that the controller's table leaves out, see
-    [](/laws/auto.md)."""
+    """`auto`: [computes all numbers of the law](/laws/auto.md) that the controller's table leaves out."""
 
 
 def unit_within(annotations: list[Any]) -> str:
@@ -460,8 +460,7 @@ class Feedback(Base):
     ki: SpeedIntegralGain | None = None  # A/rad
     """Integral gain of the PI: current per integral of the speed error. Give `kp` and `ki`, or `tuning`."""
     tuning: Tuning | None = None
-    """Rule that computes `kp` and `ki`. The law `harmonic` computes the numbers of its learning part by a
-    rule even if you give `kp` and `ki`."""
+    """Rule that computes `kp` and `ki`. The rule `auto` also computes the law's other numbers."""
 
     @property
     def has_pi(self) -> bool:
@@ -558,8 +557,8 @@ class Learning(LearnsWhileRunning):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
-    """Where the law stores the learned current. `"angle"`: in a map over the rotor's angle. `"time"`: in a
-    delay line over time. See [](/laws/memory.md)."""
+    """Where the law stores the learned current ([comparison](/laws/memory.md#by-angle-or-by-time)).
+    `"angle"`: in a map over the rotor's angle. `"time"`: in a delay line over time."""
     period: Literal["electrical", "mechanical"] = "mechanical"
     """Period after which the ripple repeats: an electrical or a mechanical revolution."""
     cells: Cells = 1024

@@ -29,8 +29,8 @@ class Wave(Table):
     order: Annotated[int, Field(ge=1, le=1000)]
     """Number of periods of this wave in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
-    """Amplitude of this wave, as an electrical angle. The wave adds magnitude sin(order $u$ + phase) to the
-    commanded electrical angle $u$."""
+    """Amplitude of this wave, as an electrical angle. The wave adds `magnitude` sin(`order` $u$ + `phase`) to
+    the commanded electrical angle $u$."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
     """Phase of this wave: 360 deg are one of its periods."""
 
@@ -123,7 +123,7 @@ class Microstepping(Base):
     open_loop: ClassVar[bool] = True
 
     law: Literal["microstepping"]
-    """Microstepping of a step motor without a sensor, see [](/laws/microstepping.md)."""
+    """[Microstepping](/laws/microstepping.md) of a step motor without a sensor."""
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)]  # A rms
     r"""Rms current of each coil, like `run_current` of a stepper driver. The current's amplitude is $\sqrt2$
     times as large."""

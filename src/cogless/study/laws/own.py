@@ -55,7 +55,7 @@ class PythonLaw(OwnLaw):
     NO_C_FORM: ClassVar[str] = "has no C form"
 
     law: Literal["python"]
-    """A Python class of your own, see [](/guide/own-controller.md)."""
+    """A Python class [of your own](/guide/own-controller.md)."""
     # "file.py:Class", relative to the study
     object: Annotated[
         str, Field(pattern=r"^.+\.py:\w+$", examples=['"my_law.py:MyLaw"']), FileName(with_name=True)
@@ -88,7 +88,7 @@ class LibraryLaw(OwnLaw):
     NO_C_FORM: ClassVar[str] = "is C of your own already"
 
     law: Literal["library"]
-    """A shared library of your own, see [](/guide/own-controller.md)."""
+    """A shared library [of your own](/guide/own-controller.md)."""
     library: File
     """File of the shared library; its path is relative to the study."""
     params: Many[float | str] = ()

@@ -23,8 +23,7 @@ class PiIlc(Feedback, Learning):
     law: Literal["pi-ilc"]
     """PI with iterative learning of P type."""
     gain: SpeedGain  # A*s/rad
-    """Learning gain: current per speed error by which the learned current changes from one period to the
-    next."""
+    """Learning gain: change of the learned current from one period to the next, per speed error."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"gain": 0.0, **PERIODIC}
     LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("gain",)

@@ -72,21 +72,23 @@ class SpaceLearning(LearnsWhileRunning):
     period: Period = Period()
     """Period after which the ripple repeats, as a part or a multiple of a revolution."""
     memory: Literal["map", "delay"] = "map"
-    """Where the law stores the learned functions. `"map"`: in a map over the angle. `"delay"`: in a delay
-    line over time, from which the law reads what it stored one period of the ripple, $P_t$ seconds, ago."""
+    r"""Where the law stores the learned functions $\alpha$, $\beta$ and $h$. `"map"`: in a map over the
+    angle. `"delay"`: in a delay line over time, from which the law reads what it stored the time $P_t$ ago.
+    In this time the angle has risen by one period of the ripple."""
     delay_method: Literal["ode", "inversion"] = "ode"
-    r"""How the law computes the delay $P_t$ of the delay line. `"ode"`: by the differential equation of the
-    paper. `"inversion"`: it solves $\theta^*(t - P_t) = \theta^*(t) - T$ for $P_t$, with the reference angle
-    $\theta^*$ and the period $T$."""
+    r"""How the law computes the delay $P_t$ of the delay line. `"inversion"`, the more exact method: it
+    solves $\theta(t - P_t) = \theta(t) - T$ for $P_t$, with the angle $\theta$ over which the law learns and
+    the period $T$. `"ode"`: by the differential equation in Section 5 of [Verrelli
+    2016](/studies/verrelli2016.md)."""
     k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s
-    """Gain in the differential equation for the delay $P_t$, if `delay_method` is `"ode"`."""
+    """Rate at which errors of the delay $P_t$ decay with `delay_method = "ode"`. It must be below the rate
+    `speed_loop` in Hz."""
     cells: Cells = 1024
     """With `memory = "map"`: number of entries of the map, at most 65535. With `"delay"`: largest number of
     speed-loop samples that a period may have."""
     q_half_width: Annotated[int, Field(ge=0)] = 5
     """Half width of the [Q filter](/theory/learning-in-angle.md#q-filter), which averages each entry of the
-    map, or each sample of the delay line, with this many neighbours on each side. 0: no Q filter, as in the
-    paper."""
+    map, or each sample of the delay line, with this many neighbours on each side. 0: no Q filter."""
     # learning gains of alpha, beta and h; rad in their units refers to the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
     r"""Learning gain of $\alpha$, the learned current that depends only on the angle. 0: $\alpha$ is not
@@ -101,11 +103,11 @@ class SpaceLearning(LearnsWhileRunning):
     r"""Largest magnitude of the learned function $\alpha$, a current. Default: `current_limit` of the
     drive."""
     beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None  # A*s/rad
-    r"""Largest magnitude of the learned function $\beta$, current per speed. Default: the value that gives
-    `current_limit` at the top speed."""
+    r"""Largest magnitude of the learned function $\beta$, current per speed. Default: `current_limit` divided
+    by the largest reference speed in the scenarios."""
     h_limit: Annotated[float, Quantity(units.CURRENT_PER_ACCELERATION, ">", bare=True)] | None = None
-    """Largest magnitude of the learned function $h$, current per acceleration. Default: the value that gives
-    `current_limit` at the top acceleration."""
+    """Largest magnitude of the learned function $h$, current per acceleration. Default: `current_limit`
+    divided by the largest reference acceleration in the scenarios."""
     omega_min: LawSpeed = 0.01  # rad/s
     """Speed below which the law does not learn. What it has learned still acts."""
 
@@ -283,9 +285,10 @@ class SpacePosition(SpaceLearning):
     k_omega: SpeedGain | None = None  # A*s/rad
     """Speed gain: current per speed error. Give `k_theta` and `k_omega`, or `tuning`."""
     k_i: SpeedIntegralGain = 0.0  # A/rad
-    """Gain of the integral of the feedback. With `hand_over` the integral fades out when learning starts."""
+    """Integral gain: current per integral of the speed error, to which `k_theta` times the angle error is
+    added."""
     tuning: Tuning | None = None
-    """Rule that computes `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
+    """[Rule](/theory/learning-in-angle.md#a-fair-pi) that computes `k_theta`, `k_omega` and `k_i`."""
     k_v: SpeedIntegralGain = 0.0  # A/rad
     """Gain of an additional current that is proportional to the angle error."""
     v_0: SpeedGain = 0.0  # A*s/rad

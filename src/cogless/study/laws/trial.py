@@ -28,8 +28,9 @@ class SignalFilter(Table):
     order: Annotated[int, Field(ge=1, le=4)] = 2
     """Order of the Butterworth filter, which runs once in each direction."""
     ends: Ends = "even"
-    """How the filter continues the signal, by reflection, beyond both ends of the trial. `even`: the filter
-    never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: noise near the ends is amplified."""
+    """How the filter continues the signal beyond both ends of the trial. `even`: mirrored in time; the filter
+    then never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: also mirrored about the value at
+    the end. This keeps a slope at the ends, but amplifies noise there."""
 
 
 class QFilter(SignalFilter):
@@ -56,13 +57,13 @@ class TrialLaw(Base):
 
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
     """Largest magnitude of the learned signal $v$. In `state-ilc` and `observer-ilc`, $v$ has the unit of the
-    plant's input."""
+    plant's input; in `trial-ilc` and `norm-optimal`, that of the reference."""
     basis_functions: bool = False
     """True: if the reference changes, the learned signal [changes with
     it](/guide/trial-studies.md#a-motion-that-changes)."""
     guard: bool = True
     """True: [the guard](/laws/trial.md#the-guard) takes back learning that leaves more error than the
-    feedback alone. False: there is no guard."""
+    feedback alone."""
 
     of_trials: ClassVar[bool] = True
     # design settings that the law has under another name: setting -> key of the law
@@ -92,9 +93,10 @@ class FilteredLaw(TrialLaw):
     SHIFTS_ON_PAGE: ClassVar[bool] = False  # whether a live page has a slider for `shift`
 
     q_filter: QFilter | Literal["auto", "none"] | None = None
-    """Filter that acts between two trials, or `"auto"` for [the design's
-    choice](/theory/trial-design.md#shift-and-filter-together), or `"none"`. Default of `trial-ilc`: `"auto"`,
-    but no filter if `shift` is a number or `K_3` is given. Default of `state-ilc`: no filter."""
+    """Filter that acts between two trials. `"auto"`: [the design
+    chooses](/theory/trial-design.md#shift-and-filter-together) the filter. `"none"`: no filter. Default of
+    `trial-ilc`: `"auto"`; but no filter if you give a number for `shift`, or `K_3` without `shift`. Default
+    of `state-ilc`: no filter."""
     shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
     """Number of samples by which the error lies after the learned signal $v$ that it corrects: sample $p$ of
     $v$ learns from the error at $p$ + `shift`. A loop with more lag needs a larger shift. Default: `"auto"`
@@ -126,16 +128,15 @@ class TrialIlc(FilteredLaw):
     law: Literal["trial-ilc"]
     """State feedback with integral action, feedforward and learning from trial to trial."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where the learned signal $v$ is added: to the input and the integrator, or only to the input. With
-    `"input"` the integrator [works against what is
+    """Where the learned signal $v$ is added. `"input-and-integrator"`: to the input and to the integrator of
+    the feedback. `"input"`: only to the input; the integrator then [works against what is
     learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
-    """True: the feedback has an integrator of the error. False: it has none."""
+    """True: the feedback has an integrator of the error."""
     learning: bool = True
     """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
-    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference. False:
-    it has none."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference."""
     K_s: Many[float] | None = None
     """Gains of the state feedback: one for each state, then one for the integrator. `cogless design`
     certifies given gains. Default: the design computes the gains."""
@@ -143,8 +144,8 @@ class TrialIlc(FilteredLaw):
     """[Gain](/theory/trial-design.md#feedforward) from the learned signal to the input. Default: the design
     computes it."""
     K_3: float | None = None
-    """Learning gain. Default: the design computes it. A given gain does not change a `shift` or `q_filter`
-    that is `"auto"`."""
+    """Learning gain. Default: the design computes it. If `shift` or `q_filter` is `"auto"`, the design
+    chooses them for the gain that it computes, even if you give another `K_3`."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -177,7 +178,8 @@ class StateIlc(FilteredLaw):
     DESIGN_KEYS: ClassVar[dict[str, str]] = {"K_s": "K_stab", "K_3": "K_ilc"}
 
     law: Literal["state-ilc"]
-    """[The older law](/theory/trial-design.md#the-older-law-3), equation (3) of Mandra 2019."""
+    """State feedback and learning from trial to trial, without integral action and feedforward: [the older
+    law (3)](/theory/trial-design.md#the-older-law-3) of Mandra 2019."""
     K_stab: Many[float] | None = None
     """Gains of the state feedback, one for each state. Default: the design computes them."""
     K_ilc: float | None = None
@@ -207,12 +209,12 @@ class NormOptimalIlc(TrialLaw):
     law: Literal["norm-optimal"]
     """Norm-optimal learning: a matrix computes the correction from the error of the whole trial."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where the learned signal $v$ is added: to the input and the integrator, or only to the input."""
+    """Where the learned signal $v$ is added. `"input-and-integrator"`: to the input and to the integrator of
+    the feedback. `"input"`: only to the input."""
     integral: bool = True
-    """True: the feedback has an integrator of the error. False: it has none."""
+    """True: the feedback has an integrator of the error."""
     feedforward: bool = True
-    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference. False:
-    it has none."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference."""
     K_s: Many[float] | None = None
     """Gains of the state feedback: one for each state, then one for the integrator. Default: the design
     computes them."""
@@ -249,8 +251,7 @@ class ObserverIlc(TrialLaw):
     learning: bool = True
     """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
-    """True: the law adds the input that the nominal plant needs to follow the reference. False: it does
-    not."""
+    """True: the law adds the input that the nominal plant needs to follow the reference."""
     pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
         None  # of observer and feedback; default: by the rule
     )
@@ -260,9 +261,9 @@ class ObserverIlc(TrialLaw):
     """Cut-off frequency of the filter on the learned signal $v$. Default: [a
     rule](/theory/trial-design.md#learning-the-missing-input) computes it."""
     ends: Ends = "even"
-    """How the filter continues the learned signal, by reflection, beyond both ends of the trial. `even`: the
-    filter never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: noise near the ends is
-    amplified."""
+    """How the filter continues the learned signal beyond both ends of the trial. `even`: mirrored in time;
+    the filter then never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: also mirrored about the
+    value at the end. This keeps a slope at the ends, but amplifies noise there."""
 
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
 
@@ -311,13 +312,14 @@ class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
     discretisation: Literal["euler", "exact"] | None = None
-    """How the design converts continuous models to sampled ones: `exact` for a zero-order hold, or by
-    `euler`. Default: Euler's models in the inequalities, exact models for the feedforward
-    ([why](/theory/trial-design.md#the-plant-as-a-polytope))."""
+    """How the design converts continuous models to sampled ones. `exact`: with a zero-order hold. `euler`: by
+    Euler's method. Default ([why](/theory/trial-design.md#the-plant-as-a-polytope)): `euler` for the
+    inequalities that give the gains, `exact` for the feedforward."""
     sensor: bool = True
-    """True: certificate, prediction and the rule of `observer-ilc` include the latency, speed method and
-    steps of the position sensor, and the delay of a bus ([how](/theory/trial-design.md#the-sensor)). False:
-    they leave this out."""
+    """True: what `cogless design` proves and predicts, and the rule of `observer-ilc`, include latency, speed
+    method and steps of the position sensor and the delay of a bus
+    ([how](/theory/trial-design.md#the-sensor)). False: they assume an ideal sensor, but the predicted errors
+    still include the steps."""
     state_weight: Weight
     """Weight $Q$ of [the cost (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost), a positive
     definite matrix, given by its diagonal or by its rows. The last entry is for the integrator. Without this
@@ -326,14 +328,15 @@ class DesignSettings(Table):
     """Weight $R$ of the input in [the cost
     (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost)."""
     initial_state: Many[float]
-    r"""Initial state $\gamma$, from which the design bounds [the
-    cost](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost). It has as many numbers as
-    `state_weight`."""
+    r"""State $\gamma$ from which a trial starts in [the
+    cost](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost) that the design minimises: one number
+    for each state, and one for the integrator if `state_weight` has it."""
     initial_change: Many[float] | None = None
     """Change of the initial state from one trial to the next, for which the design chooses [the learning
-    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the vector $f$ of (31) in Mandra
-    2019. It has as many numbers as `state_weight`. Default: `initial_state`. If all trials start alike, even
-    with an offset, give zeros: $K_3$ is then the gain whose slowest frequency converges fastest."""
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$ ($f$ in (31) of Mandra 2019): as
+    many numbers as in `initial_state`. Default: `initial_state`. If all trials start alike, even with an
+    offset, give zeros: the design then minimises the [factor per
+    trial](/theory/trial-design.md#the-certificate) at the worst frequency."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
     """Error of the first trial, for which the design chooses [the learning
     gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the number $g$ of (31) in Mandra
