@@ -261,11 +261,12 @@ def judge(seed: int, number: int) -> Changes:
 
 
 def table(found: Sequence[Changes]) -> list[str]:
-    """Markdown: a row for each thing that design says, a column for each outcome of a run."""
+    """Markdown: a row for each thing that design said, a column for each outcome of a run."""
     counts = Counter((each["row"], each["worse"]) for each in found)
     rows = [
         [row, str(counts[row, False] + counts[row, True]), str(counts[row, False]), str(counts[row, True])]
         for row in dict.fromkeys(ROWS.values())
+        if counts[row, False] + counts[row, True]
     ]
     return marked.table(["`cogless design` says", "cases", "no worse", "worse"], rows)
 

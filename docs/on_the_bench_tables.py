@@ -28,7 +28,7 @@ def blocks(path: Path) -> Blocks:
             if ONLY.get(text, scenario) != scenario:
                 continue
             found = [metrics.get((scenario, c), {}).get(name) for c in study.controller]
-            values = ["" if value is None else number(value / RPM, 2) for value in found]
+            values = ["-" if value is None else number(value / RPM, 2) for value in found]
             rows.append([f"{scenario}, {text}", *values])
     return {"ripple": table(["rms, r/min", *(study.label(c) for c in study.controller)], rows)}
 

@@ -36,7 +36,7 @@ def section_5(metrics: Metrics) -> list[str]:
     """Errors, peak to peak and electrical, before and after learning began, and the largest current."""
     rows = [
         ["paper", "0.72", "0.081", "0.03", "0.006", "-"],
-        ["readings, printed scheme", "0.805", "0.0716", "0.0387", "0.0105", "below 9"],
+        ["reproduction, printed scheme", "0.805", "0.0716", "0.0387", "0.0105", "below 9"],
     ]
     for controller, label in LABELS.items():
         found = metrics[SHORT, controller]
