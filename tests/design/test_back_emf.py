@@ -142,4 +142,4 @@ def test_a_fast_current_loop_and_a_heavy_rotor_have_the_margins_without_back_emf
     assert isinstance(study, Study)
     plain, left, _ = both(study)
     assert left.phase_margin == pytest.approx(plain.phase_margin, abs=math.radians(1))
-    assert left.gain_margin == pytest.approx(plain.gain_margin, rel=0.02)  # docs/laws/pi.md: 1.4 %
+    assert left.gain_margin == pytest.approx(plain.gain_margin, rel=0.02)  # 1.4 %
