@@ -73,7 +73,7 @@ def test_a_small_flaw_moves_the_coefficients_by_less_than_their_errors(
 ) -> None:
     flawed = identified(tmp_path, records, change)
     moves = {key: abs(entry.value - sound[key].value) for key, entry in flawed.items()}
-    assert max(moves.values()) < most  # as docs/guide/printers.md says
+    assert max(moves.values()) < most
     assert all(move < sound[key].error for key, move in moves.items())
 
 
