@@ -316,10 +316,10 @@ class DesignSettings(Table):
     Euler's method. Default ([why](/theory/trial-design.md#the-plant-as-a-polytope)): `euler` for the
     inequalities that give the gains, `exact` for the feedforward."""
     sensor: bool = True
-    """True: what `cogless design` proves and predicts, and the rule of `observer-ilc`, include latency, speed
-    method and steps of the position sensor and the delay of a bus
-    ([how](/theory/trial-design.md#the-sensor)). False: they assume an ideal sensor, but the predicted errors
-    still include the steps."""
+    """True: what `cogless design` proves and predicts takes the real sensor into account: its latency, speed
+    method and steps, and the delay of a bus ([how](/theory/trial-design.md#the-sensor)). So does the rule of
+    `observer-ilc`. False: all this assumes an ideal sensor, but the predicted errors still include the
+    steps."""
     state_weight: Weight
     """Weight $Q$ of [the cost (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost), a positive
     definite matrix, given by its diagonal or by its rows. The last entry is for the integrator. Without this
