@@ -10,9 +10,7 @@ processor, and all that learns has its guard.
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -24,7 +22,6 @@ from marked import replaced, table
 from cogless import load
 from cogless.control_library import C_LAWS
 from cogless.export.prepared import first_scenario
-from cogless.files import control_sources
 from cogless.pil.compare import Comparison, compare
 from cogless.pil.processor import require
 from cogless.pil.toolchain import find
@@ -36,28 +33,28 @@ SINGLE = {"drive.precision": "single"}
 AUTO = {"law": "harmonic", "tuning": {"rule": "auto"}}
 GUARDED = {"drive.guard": True}  # the study shows laws as they are printed
 SLOW = {"scenario.60-rpm.reference": "30 rpm", "scenario.60-rpm.initial_speed": "30 rpm"}
-FIVE, MOTORS = "PI and five harmonics", "PI and harmonics of the motor"
+FIVE, MOTORS = "`harmonic`, five orders", "`harmonic`, all orders of `uomodri`"
 MOTEUS = 888  # instructions of its period in position mode with a table
 Case = tuple[str, str, str | None, str, dict[str, Any]]
 # For each case: name, study, scenario (None: the first), controller, changes of the study.
 CASES: list[Case] = [
-    ("PI", "liu2018", None, "pi", {}),
-    ("disturbance rejection", "uomodri", None, "adrc", figure_changes("adrc")),
-    ("PI and learning, map at 30 r/min", "liu2018", "60-rpm", "pi-ilc", GUARDED | SLOW),
-    ("PI and learning, map at 900 r/min", "liu2018", "900-rpm", "pi-ilc", GUARDED),
-    ("PI and learning, by time", "liu2018-varying", None, "time", {}),
-    ("robust learning, map at 30 r/min", "liu2018", "60-rpm", "robust-ilc", GUARDED | SLOW),
-    ("robust learning, map at 900 r/min", "liu2018", "900-rpm", "robust-ilc", GUARDED),
-    ("anti-cogging table", "uomodri", None, "table", {}),
-    ("PI and thirteen orders", "uomodri", None, "pi-afc", figure_changes("pi-afc")),
+    ("`pi`", "liu2018", None, "pi", {}),
+    ("`adrc`", "uomodri", None, "adrc", figure_changes("adrc")),
+    ("`pi-ilc`, map at 30 r/min", "liu2018", "60-rpm", "pi-ilc", GUARDED | SLOW),
+    ("`pi-ilc`, map at 900 r/min", "liu2018", "900-rpm", "pi-ilc", GUARDED),
+    ("`pi-ilc`, by time", "liu2018-varying", None, "time", {}),
+    ("`robust-ilc`, map at 30 r/min", "liu2018", "60-rpm", "robust-ilc", GUARDED | SLOW),
+    ("`robust-ilc`, map at 900 r/min", "liu2018", "900-rpm", "robust-ilc", GUARDED),
+    ("`anti-cogging`", "uomodri", None, "table", {}),
+    ("`pi-afc`, thirteen orders", "uomodri", None, "pi-afc", figure_changes("pi-afc")),
     (MOTORS, "uomodri", None, "harmonic", {"controller.harmonic": AUTO}),
     (FIVE, "uomodri", None, "harmonic", {"controller.harmonic": {**AUTO, "base": 80}}),
-    ("space-learning speed, map", "verrelli2016-speed", None, "learning", SINGLE),
-    ("space-learning position, map", "verrelli2016", None, "filtered", SINGLE),
-    ("space-learning position, by delay", "verrelli2016", None, "printed", SINGLE),
-    ("trials", "mandra2019", None, "ilc", {}),
-    ("trials with an observer", "mandra2019", None, "observer", {}),
-    ("microstepping", "printer", None, "table", SINGLE),
+    ("`space-speed`, map", "verrelli2016-speed", None, "learning", SINGLE),
+    ("`space-position`, map", "verrelli2016", None, "filtered", SINGLE),
+    ("`space-position`, by delay", "verrelli2016", None, "printed", SINGLE),
+    ("`trial-ilc`", "mandra2019", None, "ilc", {}),
+    ("`observer-ilc`", "mandra2019", None, "observer", {}),
+    ("`microstepping`", "printer", None, "table", SINGLE),
 ]
 RUN_FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: (.*))?", re.MULTILINE)
 
@@ -82,7 +79,7 @@ def first_figure(law: str) -> tuple[str, str | None, str, dict[str, Any]]:
 
 
 OTHERS = {"foc", "modulation", "drive", "monitor", "quality", "guard", "real"}  # sources that are no law's
-LAW_ALONE = "the law alone"
+LAW_ALONE = "law alone"
 
 
 def measured(case: Case) -> Comparison:
@@ -99,7 +96,7 @@ def law_alone(by_source: Mapping[str, float]) -> float:
 
 
 def cost_table(results: dict[str, Comparison]) -> list[str]:
-    head = ["law", "with it", LAW_ALONE, "flash", "RAM", "stack"]
+    head = ["law", "whole period", LAW_ALONE, "flash", "RAM", "stack"]
     rows = []
     for name, r in results.items():
         mean, most = (law_alone(by) for by in (r.by_source_with_law, r.most_by_source_with_law))
@@ -119,23 +116,6 @@ def scale(results: dict[str, Comparison]) -> str:
     )
 
 
-def whole_library() -> int:
-    """Flash in bytes of all files of control/, with all of their functions."""
-    tools, folder = find("gcc"), control_sources() / "cogless"
-    total = 0
-    with tempfile.TemporaryDirectory() as scratch:
-        files = sorted(folder.glob("*.c"))
-        subprocess.run([*tools.command, *tools.flags, "-c", *map(str, files)], cwd=scratch, check=True)
-        from elftools.elf.elffile import ELFFile
-
-        for path in Path(scratch).glob("*.o"):
-            with path.open("rb") as stream:
-                for section in ELFFile(stream).iter_sections():
-                    if section.name.startswith((".text", ".rodata", ".data")):
-                        total += section["sh_size"]
-    return total
-
-
 def main() -> None:
     require()
     all_cases = cases()
@@ -145,7 +125,7 @@ def main() -> None:
     blocks = {
         "costs": cost_table(results),
         "scale": [scale(results)],
-        "library": [f"All of `control/`: {whole_library():,} bytes of flash, {found[0].compiler}."],
+        "compiler": [f"The code is compiled by {found[0].compiler} with `-O2`."],
     }
     if "--write" in sys.argv:
         PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), blocks), encoding="utf-8")

@@ -21,7 +21,7 @@
 #include "stored_maps.h"
 #include "vectors.h"
 
-/* ---- the README's example on the motor of numbers ---- */
+/* ---- the README's example on the simulated motor ---- */
 
 static cgl_real slowest, fastest;
 

@@ -373,7 +373,7 @@ def test_each_question_has_a_default_which_is_a_guess_like_all_others(
     code, out, _ = cogless(capsys, "new", "plain")
     assert code == 0
     motor = load("plain").source.tables["motor"]
-    listed = dict(re.findall(r"--([a-z-]+) ([^,]+?)(?=, |\. In)", " ".join(out.split())))
+    listed = dict(re.findall(r"--([a-z-]+) ([^,]+?)(?=, |\. Guesses)", " ".join(out.split())))
     assert listed["pole-pairs"] == str(motor["pole_pairs"]) == "7"
     assert listed["kv"] == motor["kv"] == "80 rpm/V"
     assert listed["resistance"] == motor["resistance_line_to_line"] == "0.46 ohm"
@@ -395,7 +395,7 @@ def test_the_guesses_given_by_their_flags_make_the_same_study(
     _, out, _ = cogless(capsys, "new", "first", *own)
     first = load("first").source.tables
     text = " ".join(out.split())
-    guessed = text.partition("Not given, so guessed: ")[2].partition(". In the file alone: ")
+    guessed = text.partition("Not given, so guessed: ")[2].partition(". Guesses without an option")
     listed = dict(re.findall(r"--([a-z-]+) ([^,]+)", guessed[0]))
     cogging = listed.pop("cogging")
     assert {"inertia", "friction", "slots", "inductance", "bus-voltage", "current-limit"} < listed.keys()

@@ -1,4 +1,4 @@
-/* A motor of numbers: four pole pairs, cogging of six periods a pole pair. Current loop sampled without delay. */
+/* A simulated motor: four pole pairs, cogging of six periods a pole pair. Current loop sampled without delay. */
 #include "board.h"
 
 #include "cogless/angle.h"

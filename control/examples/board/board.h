@@ -1,4 +1,4 @@
-/* The board of the examples: measurements in, duty cycles out. Here a motor of numbers plays it; yours reads registers. */
+/* The board of the examples: measurements in, duty cycles out. Here a simulated motor replaces the board; yours reads registers. */
 #ifndef BOARD_H
 #define BOARD_H
 

@@ -18,11 +18,11 @@ static const cgl_pi_ilc_config law_config = {
     .pi = {.kp = 0.14f, .ki = 2.9f, .limit = 3.0f}, .gain = 0.038f,
     .memory = {.channels = 1, .cells = CELLS, .turns = 1, .parts = POLE_PAIRS, .q_half_width = Q_HALF_WIDTH, .forgetting = 1.0f,
                .limit = {1.0f}}};
-CGL_MAP(map, CELLS, Q_HALF_WIDTH); /* the ripple that is learned */
+CGL_MAP(map, CELLS, Q_HALF_WIDTH); /* the learned current over the angle */
 static cgl_pi_ilc law;
 static cgl_drive drive;
 
-bool control_start(void) /* once, before the interrupt is enabled; do not run the motor where it returns false */
+bool control_start(void) /* call it once, before you enable the interrupt. If it returns false, do not run the motor */
 {
     return cgl_drive_init(&drive, &drive_config, 1.0f / BOARD_RATE) == CGL_OK
            && cgl_pi_ilc_init(&law, &law_config, &drive.loop, map, CGL_ENTRIES(map)) == CGL_OK;
@@ -33,11 +33,11 @@ void current_loop_interrupt(void)
     const cgl_measurement now = board_measure();
     const cgl_reference reference = {.omega_ref = 6.28f, .learn = true};
     cgl_drive_output out;
-    if (cgl_drive_measure(&drive, &now, &reference)) { /* every 15th time */
+    if (cgl_drive_measure(&drive, &now, &reference)) { /* true in every 15th period */
         cgl_pi_ilc_step(&law, &drive.in, &drive.command);
     }
     cgl_drive_actuate(&drive, &out);
-    if ((out.status & (unsigned)CGL_STATUS_OFF) != 0U) { /* not safe to go on; duty cycles of a half would short the motor */
+    if ((out.status & (unsigned)CGL_STATUS_OFF) != 0U) { /* all duty cycles are 0.5, which would short-circuit the motor */
         board_open_bridge();
     } else {
         board_set_duty(out.duty);
@@ -49,11 +49,11 @@ static uint32_t windows_of_quality(void)
     return *(const volatile uint32_t *)&drive.quality.windows;
 }
 
-cgl_quality_report control_quality(void) /* for a display, in the background: how good is it, is it still learning? */
+cgl_quality_report control_quality(void) /* ripple and progress of learning, for a display; call it in the background */
 {
     cgl_quality copy;
     uint32_t windows;
-    do { /* the interrupt changes what is read where a window ends: once more then */
+    do { /* if a window of `quality` ended meanwhile, its results have changed: copy again */
         windows = windows_of_quality();
         for (size_t n = 0; n < sizeof copy; ++n) {
             ((unsigned char *)&copy)[n] = ((const volatile unsigned char *)&drive.quality)[n];

@@ -1,4 +1,4 @@
-/* Runs the controller on the motor of numbers: a turn to get to speed, one to measure without much learned, then ten
+/* Runs the controller on the simulated motor: a turn to get to speed, one to measure without much learned, then ten
  * to learn. Prints the ripple before and after; ends with 0 if nine tenths of it are gone. */
 #include <stdio.h>
 

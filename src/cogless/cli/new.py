@@ -384,7 +384,8 @@ def _write(request: Request, path: Path) -> tuple[Study, Draft]:
 def _guess_lines(guessed: Mapping[str, str]) -> list[str]:
     """The guessed values: by their flags, then those that only the file sets, by their keys."""
     lines = []
-    for head, has_flag in (("Not given, so guessed:", True), ("In the file alone:", False)):
+    heads = {True: "Not given, so guessed:", False: "Guesses without an option, to be changed in the file:"}
+    for has_flag, head in heads.items():
         entries = [f"{label} {text}" for label, text in guessed.items() if label.startswith("--") is has_flag]
         # Hard spaces keep a label and its value in one line.
         text = ", ".join(entry.replace(" ", HARD_SPACE) for entry in entries)

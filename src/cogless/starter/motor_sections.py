@@ -299,7 +299,7 @@ def _split(total: float, shares: Mapping[str, Figure], layout: tuple[int, int], 
 
 def share_of(figure: Figure, torque: float) -> Figure:
     low, high = (f"{100 * end:.3g}" for end in (figure.low, figure.high))
-    reason = f"{low} to {high} % of {amount(torque, units.TORQUE)}: {figure.reason}"
+    reason = f"{low} to {high} % of the rated torque {amount(torque, units.TORQUE)}: {figure.reason}"
     return because(figure.scaled(torque), reason)
 
 

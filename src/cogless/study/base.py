@@ -34,8 +34,8 @@ class FitParameter(Table):
     key: str
     """Dotted key of the value to fit, such as `mechanics.inertia`."""
     scenario: str | None = None
-    """Scenario to which the fitted value applies, by its `override`. Default: the value applies to all
-    scenarios."""
+    """Name of a scenario. The fitted value then applies only in this scenario, as an entry of its `override`.
+    Default: the value applies in all scenarios."""
     initial: str | float | None = None
     """Value at which the fit starts. Default: the value in the study."""
     lower: str | float | None = None
@@ -138,8 +138,9 @@ class Together(Table):
     keys: Many[str]
     """Two or more keys of `[vary]` whose values are correlated."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
-    """Correlation that each pair of these keys has. For $n$ keys it must be at least $-1/(n - 1)$. Each key
-    keeps its own distribution: strictly, this is the correlation of a Gaussian copula."""
+    """Correlation of each pair of these keys. For $n$ keys it must be at least $-1/(n - 1)$. Each key keeps
+    its own distribution. Exactly, this is the correlation of the normally distributed numbers from which the
+    values are computed (Gaussian copula)."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

@@ -47,10 +47,10 @@ class Monitor(Table):
 
     omega_max: AngularSpeedMagnitude | None = None  # rad/s
     """Largest plausible magnitude of the rotor's speed; a faster measured speed [counts as
-    missing](/laws/monitor.md#what-the-monitor-watches). Default: 1.5 times the no-load speed, which follows
-    from the bus voltage and the `psi_f` that the controller assumes and is higher with `field_weakening`; but
-    at least the no-load speed plus the resolution of the measured speed. With an ideal current loop: no
-    check."""
+    missing](/laws/monitor.md#what-the-monitor-watches). Default: 1.5 times the no-load speed, and
+    more with `field_weakening`; but at least the no-load speed plus the resolution of the measured speed. The
+    no-load speed follows from the bus voltage and the `psi_f` that the controller assumes. With an ideal
+    current loop: no check."""
     angle_step: AngleMagnitude | None = None  # rad
     """Resolution of the measured angle. In a current-loop period the angle may change by `omega_max` times
     this period plus `angle_step`; a larger change is a [jump](/laws/monitor.md#jumps). Default: one step of
@@ -463,7 +463,7 @@ class Drive(Table):
     """Bounds of plausible measurements ([what the monitor does](/laws/monitor.md))."""
     quality: Quality = Quality()
     """Windows in which [the ripple that remains](/laws/monitor.md#how-good-learning-is) despite learning is
-    measured, and the size of the speed errors from which a law does not learn."""
+    measured. Also: from how large a speed error a law does not learn."""
     guard: bool = True
     """True: [the guard](/laws/guard.md) stops learning that leaves more ripple than the feedback alone."""
 

@@ -117,8 +117,8 @@ class Metric(Table):
     the study uses](/guide/metrics.md#units) for speeds and angles, otherwise SI."""
     better: Literal["lower", "higher", "none"] = "lower"
     """Which values of the metric are better, so that tables mark the best one: `lower` or `higher` values, or
-    `none`. Default: `lower`, or `higher` for `exceeds`, since the signal should leave the band as late as
-    possible."""
+    `none`. Default: `lower`. For the kind `exceeds` the default is `higher`, since the signal should leave
+    the band as late as possible."""
     limit: float | None = None  # SI
     """Largest acceptable value of the metric, or the smallest one if higher values are better. `cogless
     sweep` shows the share of variants within this limit."""

@@ -285,8 +285,8 @@ class SpacePosition(SpaceLearning):
     k_omega: SpeedGain | None = None  # A*s/rad
     """Speed gain: current per speed error. Give `k_theta` and `k_omega`, or `tuning`."""
     k_i: SpeedIntegralGain = 0.0  # A/rad
-    """Integral gain: current per integral of the speed error, to which `k_theta` times the angle error is
-    added."""
+    """Integral gain: current per integral of a sum, namely the speed error plus `k_theta` times the angle
+    error."""
     tuning: Tuning | None = None
     """[Rule](/theory/learning-in-angle.md#a-fair-pi) that computes `k_theta`, `k_omega` and `k_i`."""
     k_v: SpeedIntegralGain = 0.0  # A/rad

@@ -316,10 +316,10 @@ class DesignSettings(Table):
     Euler's method. Default ([why](/theory/trial-design.md#the-plant-as-a-polytope)): `euler` for the
     inequalities that give the gains, `exact` for the feedforward."""
     sensor: bool = True
-    """True: what `cogless design` proves and predicts, and the rule of `observer-ilc`, include latency, speed
-    method and steps of the position sensor and the delay of a bus
-    ([how](/theory/trial-design.md#the-sensor)). False: they assume an ideal sensor, but the predicted errors
-    still include the steps."""
+    """True: what `cogless design` proves and predicts takes the real sensor into account: its latency, speed
+    method and steps, and the delay of a bus ([how](/theory/trial-design.md#the-sensor)). So does the rule of
+    `observer-ilc`. False: all this assumes an ideal sensor, but the predicted errors still include the
+    steps."""
     state_weight: Weight
     """Weight $Q$ of [the cost (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost), a positive
     definite matrix, given by its diagonal or by its rows. The last entry is for the integrator. Without this
@@ -332,10 +332,10 @@ class DesignSettings(Table):
     cost](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost) that the design minimises: one number
     for each state, and one for the integrator if `state_weight` has it."""
     initial_change: Many[float] | None = None
-    """Change of the initial state from one trial to the next, for which the design chooses [the learning
-    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$ ($f$ in (31) of Mandra 2019): as
-    many numbers as in `initial_state`. Default: `initial_state`. If all trials start alike, even with an
-    offset, give zeros: the design then minimises the [factor per
+    """Change of the initial state from one trial to the next: as many numbers as in `initial_state`. For this
+    change, $f$ in (31) of Mandra 2019, the design chooses [the learning
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$. Default: `initial_state`. If all
+    trials start alike, even with an offset, give zeros: the design then minimises the [factor per
     trial](/theory/trial-design.md#the-certificate) at the worst frequency."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
     """Error of the first trial, for which the design chooses [the learning
