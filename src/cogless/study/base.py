@@ -137,9 +137,8 @@ class Together(Table):
     keys: Many[str]
     """Two or more keys of `[vary]` whose values are correlated."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
-    """Correlation of each pair of these keys. For $n$ keys it must be at least $-1/(n - 1)$. Exactly, this is
-    the correlation of the normally distributed numbers from which the values are computed (Gaussian
-    copula)."""
+    """Correlation (Gaussian copula) of each pair of these keys. For $n$ keys it must be at least $-1/(n -
+    1)$."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

@@ -68,8 +68,8 @@ class Monitor(Table):
     """Largest plausible length of the measured current vector. Default: twice `current_limit`, or more if the
     current sensors are noisy."""
     current_sum: CurrentMagnitude | None = None  # A
-    """Largest plausible magnitude of $i_a + i_b + i_c$. Default with three current sensors: half of
-    `current_limit`, or more if the sensors are noisy. Default with two current sensors: no check."""
+    """Largest plausible magnitude of $i_a + i_b + i_c$. Default: half of `current_limit`, or more if the
+    current sensors are noisy; with two current sensors no check."""
     bridge: Time | None = None  # s
     """Longest time for which missing angles are extrapolated. If they are missing for longer, the [output
     becomes safe](/laws/monitor.md#what-the-monitor-watches). Default: 5 ms."""

@@ -234,7 +234,7 @@ class Accelerometer(Table):
     """Number of samples per second. `trace.rate` must be at least four times as high."""
     rate_error: Annotated[float, Field(ge=0, le=0.1)] = 0.0
     """Largest relative error of the sample rate, since the accelerometer has its own clock. The error is
-    drawn at random for each log. The times in a log are right; only their spacing differs from 1/`rate`."""
+    drawn at random for each log."""
     noise: AccelerationMagnitude = 0.0  # m/s^2
     """Standard deviation of the noise in each axis of each sample."""
     resolution: AccelerationMagnitude = 0.0  # m/s^2

@@ -115,7 +115,7 @@ class Metric(Table):
     uses](/guide/metrics.md#units) for speeds and angles, otherwise SI."""
     better: Literal["lower", "higher", "none"] = "lower"
     """Which values of the metric are better, so that tables mark the best one. Default: `lower`; for the kind
-    `exceeds` `higher`, since the signal should leave the band as late as possible."""
+    `exceeds` `higher`."""
     limit: float | None = None  # SI
     """Largest acceptable value of the metric, or the smallest one if higher values are better. `cogless
     sweep` shows the share of variants within this limit."""

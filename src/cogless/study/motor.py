@@ -429,7 +429,7 @@ class StepMotor(Table):
     order $j$. Give `L_f` or `detent_torque`."""
     detent_torque: Torque | None = None  # N*m
     """Amplitude $2 N_r i_f^2 L_{f4}$ of the cogging torque of the electrical order 4. The detent torque in a
-    datasheet also contains friction, because it is the torque that turns the rotor without current."""
+    datasheet also contains friction."""
     i_f: PositiveCurrent = 1.0  # A
     """Fictitious current $i_f$ that represents the magnet."""
 

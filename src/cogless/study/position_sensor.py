@@ -63,10 +63,10 @@ class Counted(Mounted):
     kind: str
     """Kind of the position sensor."""
     speed_method: Literal["M", "average", "T", "MT", "observer"] = "M"
-    """How the drive measures the speed. `M`: counts in a period of the speed loop. `T`: time between two
-    edges. `MT`: counts divided by the exact time between edges. `average`: as `M`, over `window`. `observer`:
-    an observer of the angle. `M` is noisy if few counts come in a period, and laws learn this noise. `MT` is
-    not noisy, but needs hardware that measures the times of edges. `T` and `MT` need an encoder."""
+    """[How](/theory/sensors.md#position-and-speed) the drive measures the speed: by counts in a period of the
+    speed loop (`M`) or in `window` (`average`), by an `observer`, or by the times of an encoder's edges (`T`,
+    `MT`). `M` is noisy if few counts come in a period, and laws learn this noise. `MT` is not noisy, but
+    needs hardware that measures the times of edges."""
     window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop periods, with average only
     """Time over which the `speed_method` `average` measures, in current-loop periods."""
     observer_bandwidth: Frequency | None = None  # Hz
@@ -81,7 +81,7 @@ class Counted(Mounted):
     error_table: File | None = None
     """CSV file, relative to the study, of the sensor's angle error over the angle, with units in its first
     line: `angle [deg],error [deg]`. Give at least eight rising angles in one revolution. Between two angles
-    the error is linear, also from the last angle to the first one of the next revolution."""
+    the error is linear, also across the end of the revolution."""
     latency: Time = 0.0  # s
     """Age of the measured angle, and of the speed that is computed from it. Not with the `speed_method` `T`
     or `MT`."""
@@ -247,8 +247,8 @@ class Absolute(Counted):
     positions: Annotated[int, Field(ge=2, le=2**31)] | None = None
     """Number of positions per mechanical revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """How the drive measures the speed. `average`: change of the angle over the key `window`. `M`: change of
-    the angle over a period of the speed loop. `observer`: an observer of the angle."""
+    """How the drive measures the speed: by the change of the angle over `window` (`average`) or over a period
+    of the speed loop (`M`), or by an `observer` of the angle."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -274,8 +274,8 @@ class Resolver(Counted):
     bits: Annotated[int, Field(ge=1, le=32)] = 14
     """Number of bits of the converter: $2^{bits}$ counts per mechanical revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """How the drive measures the speed. `average`: change of the angle over the key `window`. `M`: change of
-    the angle over a period of the speed loop. `observer`: an observer of the angle."""
+    """How the drive measures the speed: by the change of the angle over `window` (`average`) or over a period
+    of the speed loop (`M`), or by an `observer` of the angle."""
 
     @property
     def counts(self) -> int:

@@ -43,9 +43,8 @@ class CurrentFile(Table):
     the current (cogless then mirrors the table); otherwise negative currents, zero and positive currents. In
     `magnet`: values of $i_q$ from zero on."""
     flux: Many[FluxAmplitude] | None = None  # Wb
-    """Flux linkage at each current of the table, zero at zero current. In `d` the slope at zero current may
-    differ from `L_d` by at most 10 %, in `q` from `L_q`. In `magnet`: change of the magnets' flux linkage by
-    the current, negative if the motor saturates."""
+    """Flux linkage at each current of the table, zero at zero current. In `magnet`: change of the magnets'
+    flux linkage by the current, negative if the motor saturates."""
     file: File | None = None
     """CSV file that replaces `current` and `flux` (in `d` and `q` also `inductance`): it has columns of these
     names, with their units in the first line."""

@@ -60,9 +60,9 @@ class Harmonic(Feedback, LearnsWhileRunning):
     numbers of the learning part."""
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
     """Lowest order that the law learns, in waves per mechanical revolution. The law learns only multiples of
-    `base`. Default: the greatest common divisor of `slots` and poles, or in two cases [a multiple of
+    `base`. Default: the greatest common divisor of `slots` and poles, or [a multiple of
     it](/laws/harmonic.md#the-rule); with Hall sensors 1. If you give `base`, all learned orders count as
-    known to exist, and act up to higher speeds than others."""
+    known to exist, and act up to higher speeds."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of the learned current, and of the cosine and the sine coefficient of each order.
     Default: `current_limit` of the drive."""

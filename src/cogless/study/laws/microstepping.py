@@ -62,8 +62,7 @@ class AngleCorrection(Table):
     """Waves of the correction while the motor turns backwards, at most 8."""
 
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)] | None = None  # A rms
-    """Rms current of each coil for which the correction is right. cogless warns if the law's `current`
-    differs so much that over 5 % of the ripple would remain."""
+    """Rms current of each coil for which the correction is right."""
 
     file: File | None = None
     """File `correction.json` that `cogless identify` wrote for a printer. It replaces `forward`, `backward`

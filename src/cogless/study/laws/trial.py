@@ -260,8 +260,7 @@ class ObserverIlc(TrialLaw):
     rule](/theory/trial-design.md#learning-the-missing-input) computes it."""
     ends: Ends = "even"
     """How the filter continues the learned signal beyond both ends of the trial. `even`: mirrored in time.
-    `odd`, as in SciPy's filtfilt: also mirrored about the value at the end. This keeps a slope at the ends,
-    but amplifies noise there."""
+    `odd`: also mirrored about the value at the end, which amplifies noise there."""
 
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
 
@@ -315,8 +314,8 @@ class DesignSettings(Table):
     that give the gains, `exact` for the feedforward."""
     sensor: bool = True
     """True: what `cogless design` proves and predicts takes latency, speed method and steps of the sensor,
-    and the delay of a bus into account ([how](/theory/trial-design.md#the-sensor)). So does the rule of
-    `observer-ilc`. False: an ideal sensor is assumed, but the predicted errors still include the steps."""
+    and the delay of a bus into account ([how](/theory/trial-design.md#the-sensor)). False: an ideal sensor is
+    assumed, but the predicted errors still include the steps."""
     state_weight: Weight
     """Weight $Q$ of [the cost (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost), a positive
     definite matrix, given by its diagonal or by its rows. The last entry is for the integrator; without it,
