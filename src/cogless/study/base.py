@@ -34,15 +34,15 @@ class FitParameter(Table):
     key: str
     """Dotted key of the value to fit, such as `mechanics.inertia`."""
     scenario: str | None = None
-    """Scenario to which the fitted value is confined, as an entry of its `override`. Default: the value
-    applies in all scenarios."""
+    """Name of a scenario. The fitted value then applies only in this scenario, as an entry of its `override`.
+    Default: the value applies in all scenarios."""
     initial: str | float | None = None
     """Value at which the fit starts. Default: the value in the study."""
     lower: str | float | None = None
     """Lower bound of the fitted value: a text with a unit, or a number in the unit of the value in the study.
     Default: no bound."""
     upper: str | float | None = None
-    """Upper bound of the fitted value. Default: no bound."""
+    """Upper bound of the fitted value, written like `lower`. Default: no bound."""
 
 
 class Target(Table):
@@ -51,13 +51,13 @@ class Target(Table):
     scenario: str
     """Scenario of the run whose metric should have the target value."""
     controller: str
-    """Controller of this run."""
+    """Controller of the run whose metric should have the target value."""
     metric: str
-    """Name of the metric."""
+    """Name of the metric that should have the target value."""
     value: Any
     """Target value of the metric, with a unit. For a metric of kind `order`: a list with one value for each
     order. In a study of trials: a list with one value for each trial; for the kinds `first-rms`, `final-rms`
-    and `trials-to-floor`, for each phase (from one of the `changes` to the next)."""
+    and `trials-to-floor`, one value for each phase (the trials from one of the `changes` to the next)."""
     weight: Annotated[float, Field(gt=0)] = 1.0
     """Factor by which the fit multiplies the relative deviation of the metric from `value`."""
 
@@ -74,9 +74,9 @@ class Calibration(Table):
     """A fit of parameters by least squares of the relative deviations from the targets."""
 
     parameters: Many[FitParameter]
-    """Values of the study to fit."""
+    """Values of the study that `cogless calibrate` fits."""
     targets: Many[Target]
-    """Measured values of metrics of the study."""
+    """Measured values that the metrics of the fitted study should have."""
 
     @field_validator("parameters", "targets")
     @classmethod
@@ -99,19 +99,20 @@ class Distribution(Table):
 
     uniform: Number | Many[Number] | None = None
     """All values between two limits are equally likely. `"20 %"` or `"1 mH"`: the limits lie this far below
-    and above the study's value. `["1 mH", "3 mH"]`: the limits. `["-10 %", "20 %"]`: the limits relative to
-    the study's value."""
+    and above the study's value. `["1 mH", "3 mH"]`: the limits. `["-10 %", "20 %"]`: the limits lie 10 %
+    below and 20 % above the study's value."""
     log: Number | Many[Number] | None = None
     """The logarithm of the value is uniformly distributed between two limits. One number, such as `"50 %"`:
-    the limits are the study's value divided and multiplied by 1.5. Two numbers: the limits."""
+    the limits are the study's value divided by 1.5 and multiplied by 1.5. Two numbers: the limits."""
     normal: Number | Many[Number] | None = None
     """The value is normally distributed, cut off at three standard deviations. One number: the standard
     deviation; the mean is the study's value. Two numbers: mean and standard deviation."""
     corners: Number | Many[Number] | None = None
-    """The value is one of two limits, both equally likely, written as for `uniform`. If several keys have
-    `corners`, all combinations of their limits occur."""
+    """The value is one of two limits, both equally likely. The limits are written as for `uniform`. If
+    several keys have `corners`, all combinations of their limits occur."""
     list: Many[Any] | None = None
-    """The value is one of the listed values, all equally likely."""
+    """The value is one of the listed values, all equally likely. A listed value is a number, a text, or
+    whatever else the key takes."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -137,8 +138,9 @@ class Together(Table):
     keys: Many[str]
     """Two or more keys of `[vary]` whose values are correlated."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
-    """Correlation (Gaussian copula) of each pair of these keys. For $n$ keys it must be at least $-1/(n -
-    1)$."""
+    """Correlation of each pair of these keys. For $n$ keys it must be at least $-1/(n - 1)$. Each key keeps
+    its own distribution. Exactly, this is the correlation of the normally distributed numbers from which the
+    values are computed (Gaussian copula)."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -158,10 +160,10 @@ class Vary(Table):
     """How an ensemble spreads around the study: a distribution for each dotted key."""
 
     keys: dict[str, Distribution] = Field(default={})
-    """Distribution of each [dotted key](/guide/study-file.md#rules) that varies. Leave out the word `keys`:
-    `mechanics.inertia = { uniform = "20 %" }`."""
+    """Distribution of each [dotted key](/guide/study-file.md#rules) that varies. Write the dotted keys
+    directly into `[vary]`, without the word `keys`: `mechanics.inertia = { uniform = "20 %" }`."""
     together: Many[Together] = ()
-    """Groups of keys whose values are correlated. Default: none."""
+    """Groups of keys whose values are correlated. Default: all keys vary independently."""
     seeds: bool = False
     """True: each variant has other random numbers, for example its own sensor noise. False: all variants have
     the study's `seed`."""
@@ -193,7 +195,8 @@ class Hold(Table):
     """What must hold of the tuned controllers: a metric's limit, in at least this share of the variants."""
 
     metric: str
-    """Name of the metric that has a limit, written as in `minimise`."""
+    """Name of the metric that has a limit. For a metric of kind `order` add the order: `NAME.72` is order
+    72."""
     limit: Number
     """Limit of this metric, with a unit: the largest allowed value, or the smallest one if higher values of
     the metric are better."""
@@ -206,22 +209,25 @@ class Tune(Table):
 
     keys: dict[str, Many[Number]]
     """For each dotted key to tune, the lower and the upper limit of the search, with a unit. A limit in % is
-    a deviation from the study's value: `["-50 %", "100 %"]`. The search begins at the study's value."""
+    a deviation from the study's value: `["-50 %", "100 %"]`. The search begins at the study's value, which
+    must lie between the limits."""
     minimise: str
     """Name of the metric to minimise. If higher values of this metric are better, it is maximised. For a
     metric of kind `order` add the order: `NAME.72` is order 72."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
-    """Which value of the metric is minimised. `mean` or `worst`: that of all variants in the ensemble. A
-    share such as 0.9: the value that 90 % of the variants reach or improve on. `nominal`: the value of the
-    study itself, without an ensemble."""
+    """Which value of the metric is minimised. `mean` or `worst`: the mean or the worst value of all variants
+    in the ensemble. A share such as 0.9: the value that 90 % of the variants reach or improve on. `nominal`:
+    the value of the study itself, without an ensemble."""
     hold: Many[Hold] = ()
-    """Limits of metrics that each tuned controller must keep. Default: none."""
+    """Limits of metrics that each tuned controller must keep. Default: no limits."""
     scenarios: Many[str] | None = None
-    """Scenarios in which the metrics are computed. Default: all in which the tuned controller runs."""
+    """Scenarios in which the metrics are computed for tuning. Default: all scenarios in which the tuned
+    controller runs."""
     variants: Annotated[int, Field(ge=1)] = 32
-    """Number of random variants of the study on which each set of gains is tried."""
+    """Number of random variants of the study ([ensemble](/guide/ensembles.md)) on which each set of gains is
+    tried."""
     budget: Annotated[int, Field(ge=2)] = 200
-    """Number of sets of gains to try for each controller."""
+    """Number of sets of gains that are tried for each controller."""
 
     @field_validator("keys", mode="before")
     @classmethod
@@ -263,7 +269,7 @@ class Assumption(Table):
     about: str
     """What the assumption is about: a key of the study, or a phrase."""
     reason: str
-    """Reason of the assumption."""
+    """Why the author of the study made this assumption."""
 
 
 @dataclass(frozen=True)
@@ -294,7 +300,7 @@ class TraceSettings(Table):
     """Number of rows of the trace per second. It must be the rate of the current loop divided by a whole
     number. With a switched inverter, in a study without trials, it may also be [a multiple of this
     rate](/theory/inverter.md#between-samples). Default: the rate of the current loop; in a study of trials,
-    one row per sample. 10 min at 1 kHz take 100 MB."""
+    one row per sample. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz take 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
     """Largest number of rows per second that are written to `traces.nc`. A study of trials writes all rows of
     its trace."""
@@ -335,13 +341,13 @@ class StudyBase(Table):
     description: str = ""
     """Text that the report shows below the study's title."""
     assumption: Many[Assumption] = ()
-    """Assumptions of the author of the study, which the report lists."""
+    """Assumptions that the author of the study had to make. The report lists them."""
     trace: TraceSettings = TraceSettings()
     """Which rows and signals of each run are recorded (the trace)."""
     scenario: Mapping[str, Any]
     controller: Mapping[str, Base]
     metric: Many[Metric] = ()
-    """Metrics to compute from each run, each in a table `[[metric]]`."""
+    """Metrics that are computed from each run, each in a table `[[metric]]`."""
     calibration: Calibration | None = None
     """Values that [`cogless calibrate`](/guide/calibrate.md) fits, and the measured values of the metrics."""
     vary: Annotated[Vary, StudyKeys()] | None = None

@@ -40,14 +40,15 @@ class AngleFile(Table):
 
     file: File
     """CSV file with a column `angle` and a column of values, with their units in the first line. For cogging,
-    the values are a `torque`, or a `current`: the torque divided by $K_t$. For a back-EMF, they are a
-    `voltage`, measured while the motor turns forwards; the rotor may have any position at the angle zero."""
+    the values are a `torque`, or a `current`: the torque divided by $K_t$ (torque per peak ampere). For a
+    back-EMF, they are a `voltage`, measured while the motor turns forwards; the rotor may have any position
+    at the angle zero."""
     frame: Literal["mechanical", "electrical"]
     """Whether the table spans a mechanical or an electrical revolution. From a back-EMF over a mechanical
     revolution, cogless takes only orders that are multiples of `pole_pairs`."""
     orders: Many[TableOrder] | None = None
     """Orders to take from the table, in waves per revolution of its angle. Default: the orders with the
-    largest amplitudes; all others together have at most 2 % of the table's rms value."""
+    largest amplitudes. All other orders together then have at most 2 % of the table's rms value."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(
@@ -120,19 +121,19 @@ class CoggingTable(AngleFile):
 
     sign: Literal["on-rotor", "holding"]
     """Meaning of the table's values. `on-rotor`: the cogging torque on the rotor. `holding`: the opposite
-    torque, which holds the rotor."""
+    torque, which holds the rotor at its angle."""
     peak: Torque | None = None  # N*m
-    """Largest magnitude of the cogging torque in the datasheet. cogless refuses a table whose peak differs by
-    more than 5 %."""
+    """Largest magnitude of the cogging torque that the datasheet states. cogless refuses a table whose peak
+    differs by more than 5 %. Default: no check."""
     peak_to_peak: Torque | None = None  # N*m
-    """Peak-to-peak cogging torque in the datasheet. cogless refuses a table whose peak-to-peak torque differs
-    by more than 5 %."""
+    """Peak-to-peak cogging torque that the datasheet states. cogless refuses a table whose peak-to-peak
+    torque differs by more than 5 %. Default: no check."""
     current_peak: Current | None = None  # A
-    """Largest magnitude of the cogging current in the datasheet, for a table with the column `current`. The
-    table may differ by 5 %."""
+    """Largest magnitude of the cogging current that the datasheet states, for a table with the column
+    `current`. cogless refuses a table whose peak differs by more than 5 %. Default: no check."""
     current_peak_to_peak: Current | None = None  # A
-    """Peak-to-peak cogging current in the datasheet, for a table with the column `current`. The table may
-    differ by 5 %."""
+    """Peak-to-peak cogging current that the datasheet states, for a table with the column `current`. cogless
+    refuses a table whose peak-to-peak current differs by more than 5 %. Default: no check."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:
@@ -176,11 +177,11 @@ class BackEmfTable(AngleFile):
     speed: AngularSpeed  # rad/s
     """Mechanical speed at which the voltage was measured."""
     peak: Voltage | None = None  # V
-    """Largest magnitude of the voltage in the datasheet. cogless refuses a table whose peak differs by more
-    than 5 %."""
+    """Largest magnitude of the voltage that the datasheet states. cogless refuses a table whose peak differs
+    by more than 5 %. Default: no check."""
     peak_to_peak: Voltage | None = None  # V
-    """Peak-to-peak voltage in the datasheet. cogless refuses a table whose peak-to-peak voltage differs by
-    more than 5 %."""
+    """Peak-to-peak voltage that the datasheet states. cogless refuses a table whose peak-to-peak voltage
+    differs by more than 5 %. Default: no check."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:

@@ -47,34 +47,40 @@ class Monitor(Table):
 
     omega_max: AngularSpeedMagnitude | None = None  # rad/s
     """Largest plausible magnitude of the rotor's speed; a faster measured speed [counts as
-    missing](/laws/monitor.md#what-the-monitor-watches). Default: 1.5 times the no-load speed, more with
-    `field_weakening` or a coarse measured speed; with an ideal current loop, no check."""
+    missing](/laws/monitor.md#what-the-monitor-watches). Default: 1.5 times the no-load speed, and
+    more with `field_weakening`; but at least the no-load speed plus the resolution of the measured speed. The
+    no-load speed follows from the bus voltage and the `psi_f` that the controller assumes. With an ideal
+    current loop: no check."""
     angle_step: AngleMagnitude | None = None  # rad
     """Resolution of the measured angle. In a current-loop period the angle may change by `omega_max` times
     this period plus `angle_step`; a larger change is a [jump](/laws/monitor.md#jumps). Default: one step of
     the position sensor; 1.5 steps with Hall sensors."""
     speed_window: Time | None = None  # s
     """Time over which the position sensor measures the speed. For this time after a jump of the angle the
-    measured speed is not plausible. Default: computed from `speed_method` and `speed_filter`."""
+    measured speed is not plausible. Default: with an ideal sensor 0; with the `speed_method` `average` the
+    sensor's key `window`; with the `speed_method` `observer` ten time constants of the observer; otherwise
+    two periods of the law. A `speed_filter` adds ten of its time constants."""
     stuck_angle: AngleMagnitude | None = None  # rad
     """The measured angle counts as [stuck](/laws/monitor.md#a-stuck-angle) only if it is constant while the
     reference speed would turn the rotor by more than `stuck_angle`. Default: 0.5 rad plus two steps of the
     position sensor, but at least four of its steps."""
     stuck_time: Time | None = None  # s
-    """The measured angle counts as stuck only if full current for the time `stuck_time` has not changed it.
-    Default: the time in which a tenth of the largest torque turns the inertia by one step of the position
-    sensor, but at least 100 ms."""
+    """The measured angle counts as stuck only if [full current](/laws/monitor.md#a-stuck-angle) for the time
+    `stuck_time` has not changed it. Default: the time in which a tenth of the largest torque turns the
+    inertia by one step of the position sensor, but at least 100 ms."""
     current_max: CurrentMagnitude | None = None  # A
-    """Largest plausible length of the measured current vector. Default: twice `current_limit`, or more if the
-    current sensors are noisy."""
+    """Largest plausible length of the measured current vector. Default: twice `current_limit`, but at least
+    `current_limit` plus six standard deviations of the current sensors' noise."""
     current_sum: CurrentMagnitude | None = None  # A
-    """Largest plausible magnitude of $i_a + i_b + i_c$. Default: half of `current_limit`, or more if the
-    current sensors are noisy; with two current sensors no check."""
+    """Largest plausible magnitude of $i_a + i_b + i_c$. Default with three current sensors: half of
+    `current_limit`, but at least six standard deviations of this sum's noise. Default with two current
+    sensors: no check."""
     bridge: Time | None = None  # s
     """Longest time for which missing angles are extrapolated. If they are missing for longer, the [output
     becomes safe](/laws/monitor.md#what-the-monitor-watches). Default: 5 ms."""
     hold: Time | None = None  # s
-    """Time for which the output remains safe after the last implausible measurement. Default: 10 ms."""
+    """Time for which the [output remains safe](/laws/monitor.md#what-the-monitor-watches) after the last
+    implausible measurement. Default: 10 ms."""
 
 
 class Quality(Table):
@@ -82,7 +88,7 @@ class Quality(Table):
     learning."""
 
     span: Span | None = None  # rad
-    """Length of a window, as an angle by which the rotor turns, in which [the ripple that
+    """Length of a window, as an angle by which the rotor turns. In each window [the ripple that
     remains](/laws/monitor.md#how-good-learning-is) is measured. Default: one revolution."""
     longest: Duration = 60.0  # s
     """Longest duration of a window of `span`. At low speed a window ends after this time."""
@@ -114,13 +120,16 @@ class Belief(Table):
     """Motor parameters that the controller assumes, per winding as in [motor]; default: the true values."""
 
     R_s: Resistance | None = None  # ohm
-    """Resistance of one winding that the controller assumes."""
+    """Resistance of one winding that the controller assumes. Default: the motor's true value."""
     L_d: Inductance | None = None  # H
-    """Inductance of one winding in the d axis that the controller assumes."""
+    """Inductance of one winding in the d axis that the controller assumes. Default: the motor's true
+    value."""
     L_q: Inductance | None = None  # H
-    """Inductance of one winding in the q axis that the controller assumes."""
+    """Inductance of one winding in the q axis that the controller assumes. Default: the motor's true
+    value."""
     psi_f: FluxLinkage | None = None  # Wb
-    """Flux linkage of the magnet with one winding that the controller assumes."""
+    """Flux linkage of the magnet with one winding that the controller assumes. Default: the motor's true
+    value."""
 
     def resolved(self, motor: StarMotor) -> StarBelief:
         """The assumed parameters, converted to the star equivalent. Parameters left out have their true
@@ -159,7 +168,7 @@ class Rates(Table):
     """Rate of the samples of a trial, at which the law runs: a whole number of Hz that divides
     `current_loop`. [A study of trials](/guide/trial-studies.md) has this key instead of `speed_loop`."""
     integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps per current-loop period
-    """Number of integration steps with which motor and mechanics are simulated in each current-loop
+    """Number of integration steps with which cogless simulates motor and mechanics in each current-loop
     period."""
 
     @model_validator(mode="after")
@@ -198,10 +207,11 @@ class CurrentLoop(Table):
     kp: CurrentGain | None = None  # V/A
     """Proportional gain of the current controllers of both axes. Give `kp` and `ki`, or only `bandwidth`."""
     ki: CurrentIntegralGain | None = None  # V/A/s
-    """Integral gain of the current controllers of both axes."""
+    """Integral gain of the current controllers of both axes. Give `kp` and `ki`, or only `bandwidth`."""
     bandwidth: Frequency | None = None  # Hz
     r"""Bandwidth $f$ of the current loop, from which the gains follow: `kp` = $2\pi f L$, `ki` = $2\pi f
-    R_s$. $L$ (inductance of the axis) and $R_s$ (resistance) are the values that the controller assumes."""
+    R_s$. $L$ (inductance of the axis) and $R_s$ (resistance) are the values that the controller assumes. With
+    these gains the zero of the current controller cancels the winding's pole."""
     decoupling: bool = True
     """True: the controller adds the [voltages that depend on the speed](/laws/current-loop.md#equations) to
     its output, as a feedforward."""
@@ -236,7 +246,8 @@ class IdealCurrentLoop(Table):
     """An ideal current loop: the current equals its reference at once."""
 
     kind: Literal["ideal"]
-    """`ideal`: the current always equals its reference, and the drive has no `inverter`."""
+    """`ideal`: the current always equals its reference, and the drive has no `inverter`. If you leave this
+    key out, the current loop is simulated."""
     current_limit: CurrentLimit  # A
     """Largest length of the vector of current references $(i_d, i_q)$."""
     decoupling: ClassVar[bool] = False
@@ -273,10 +284,10 @@ class CurrentReference(Table):
     the torque. `"zero-d"`: $i_d$ is zero."""
     field_weakening: bool = False
     """True: at high speed the drive chooses $i_d$ so that the voltage stays within its limit. If no $i_d$ is
-    sufficient, the drive reduces the torque."""
+    sufficient, the drive reduces the torque. False: $i_d$ follows only from `rule`."""
     voltage_share: Annotated[float, Field(gt=0, le=1)] = 0.95
-    """Voltage limit of `field_weakening`, as a share of the inverter's largest voltage. The rest is for the
-    current controllers."""
+    """Voltage limit of `field_weakening`, as a share of the inverter's largest voltage. The rest is left for
+    the current controllers."""
 
 
 REACH_SHARE = 1 - 1e-5  # factor on the largest equivalent current: not above the C library's rounded value
@@ -298,7 +309,8 @@ class Inverter(Table):
     """Time for which both transistors of a leg are off whenever the leg switches."""
     minimum_pulse: Time = 0.0  # s
     """[Shortest time](/theory/inverter.md#minimum-pulse) for which a transistor may be on in half a PWM
-    period (with `pwm = "edge"`: in a whole PWM period). A shorter pulse is dropped. Default: no limit."""
+    period (with `pwm = "edge"`: in a whole PWM period). A transistor that would be on for a shorter time
+    stays off, and the other transistor of its leg stays on. Default: no limit."""
     device_drop: VoltageMagnitude = 0.0  # V
     """Voltage drop of the conducting transistor or diode of a leg."""
     computation_delay: Literal[0, 1] = 1  # current-loop samples
@@ -320,9 +332,10 @@ class DeadTimeCompensation(Table):
     """Correction of the duty cycles by the signs of the phase currents' references."""
 
     time: Time | None = None  # s
-    """Dead time that the compensation assumes. Default: the inverter's `dead_time`."""
+    """Dead time of the inverter that the compensation assumes. Default: the inverter's `dead_time`."""
     drop: VoltageMagnitude | None = None  # V
-    """Voltage drop that the compensation assumes. Default: the inverter's `device_drop`."""
+    """Voltage drop of a conducting transistor or diode that the compensation assumes. Default: the inverter's
+    `device_drop`."""
     band: CurrentLimit  # A
     """Phase current below which the correction is reduced in proportion to the current. Choose several times
     the noise of the current sensors."""
@@ -379,10 +392,11 @@ class CurrentSensors(Table):
     noise: CurrentMagnitude = 0.0  # A rms
     """Standard deviation of the white noise of each current sensor."""
     bits: Annotated[int, Field(ge=0, le=32)] = 0
-    """Number of bits of the analog-to-digital converter. 0: the measured currents are not rounded or
-    limited."""
+    """Number of bits of the analog-to-digital converter. 0: the measured currents have no steps and no
+    largest value."""
     range: CurrentLimit = 10.0  # A
-    """Largest current that the analog-to-digital converter measures, in both directions."""
+    """Largest current that the analog-to-digital converter measures: its range is from -`range` to
+    +`range`."""
     sensors: Literal[2, 3] = 3
     """Number of current sensors. With 2 sensors the controller computes $i_c = -i_a - i_b$."""
 
@@ -399,12 +413,12 @@ class Bus(Table):
     delay_measured: Time = 0.0  # s
     """Age of the measured angle and speed when the law receives them."""
     delay_command: Time = 0.0  # s
-    """Time from the law's computation of a current reference until this reference acts in the drive."""
+    """Time from the computation of a current reference in the law until this reference acts in the drive."""
     jitter: Time = 0.0  # s
-    """Largest random time by which each `delay_measured` and `delay_command` becomes longer. All times from
-    zero to `jitter` are equally likely."""
+    """Largest random time by which `delay_measured` and `delay_command` become longer. For each measured
+    value and each command a new time is drawn; all times from zero to `jitter` are equally likely."""
     quantum: CurrentMagnitude = 0.0  # A
-    """Step to which the bus rounds the current reference."""
+    """Step to which the bus rounds the current reference. 0: no rounding."""
 
     @property
     def mean_delay(self) -> float:
@@ -416,37 +430,40 @@ class Drive(Table):
     """Power electronics, sensors, current loop and monitor."""
 
     precision: Literal["single", "double"] = "single"
-    """Number type of the control laws: `"single"` (float in C) or `"double"`."""
+    """Number type of the control laws: `"single"` (float in C) or `"double"`. The motor and the mechanics are
+    always simulated in double precision."""
     belief: Belief = Belief()
-    """Motor parameters that the controller assumes. Default: the true values."""
+    """Motor parameters that the controller assumes. Default: the motor's true values."""
     rates: Rates = Field(examples=['{ current_loop = "10 kHz", speed_loop = "1 kHz" }'])
-    """Rates of current loop and law, and integration steps of the simulation."""
+    """Rates of the current loop and of the law, and integration steps of the simulation."""
     current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
     """Gains and current limit of the current loop."""
     current_reference: CurrentReference | None = None
     """How the drive computes the references of $i_d$ and $i_q$ from the law's output, which then stands for a
-    torque ([equations](/laws/current-loop.md#most-torque-per-current-and-field-weakening)). Default: $i_d$ is
-    controlled to zero, and the law's output is the reference of $i_q$."""
+    torque ([equations](/laws/current-loop.md#most-torque-per-current-and-field-weakening)). Default: the
+    reference of $i_d$ is zero, and the law's output is the reference of $i_q$."""
     inverter: Inverter | None = None
-    """Inverter. Required, unless the current loop is ideal."""
+    """Inverter, which converts duty cycles to voltages. Required, unless the current loop is ideal."""
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
-    """Correction of the duty cycles for the inverter's dead time. Default: none."""
+    """Correction of the duty cycles by the voltage that the inverter loses in its dead time. Default: no
+    correction."""
     position_sensor: PositionSensor = IdealSensor()
     """Sensor of the angle and the speed. Default: an ideal sensor."""
     encoder_table: EncoderTable | None = None
     """Correction of the position sensor's own angle error, which is learned while the motor turns. Default:
-    none."""
+    no correction."""
     speed_filter: Frequency | None = None  # Hz
-    """Corner frequency of a first-order low-pass for the measured speed. Default: no filter."""
+    """Corner frequency of a first-order low-pass that filters the measured speed at the current loop's rate.
+    Default: no filter."""
     bus: Bus | None = None
-    """Bus to a law that runs outside the drive. Default: none."""
+    """Bus to a law that runs outside the drive. Default: the law runs in the drive."""
     current_sensors: CurrentSensors = CurrentSensors()
-    """Errors and converter of the current sensors. Default: ideal sensors."""
+    """Offsets, gain errors, noise and converter of the current sensors. Default: ideal sensors."""
     monitor: Monitor = Monitor()
     """Bounds of plausible measurements ([what the monitor does](/laws/monitor.md))."""
     quality: Quality = Quality()
     """Windows in which [the ripple that remains](/laws/monitor.md#how-good-learning-is) despite learning is
-    measured, and speed errors from which a law does not learn."""
+    measured. Also: from how large a speed error a law does not learn."""
     guard: bool = True
     """True: [the guard](/laws/guard.md) stops learning that leaves more ripple than the feedback alone."""
 

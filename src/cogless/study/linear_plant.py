@@ -93,7 +93,7 @@ class Parameter(Table):
     value: float | None = None
     """Nominal value of the parameter. Default: the middle of its `range`."""
     range: tuple[float, float] | None = Field(default=None, strict=False)
-    """Smallest and largest value of the parameter. Default: its `value` is exact."""
+    """Smallest and largest value of the parameter. Default: its `value` is known exactly."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -135,29 +135,30 @@ class LinearPlant(Table):
     """A linear plant with one input and one output, sampled with `period`."""
 
     model: Literal["continuous", "discrete"] = "continuous"
-    """Whether $A$ and $B$ describe a `continuous` or a `discrete` plant."""
+    """Whether $A$ and $B$ describe a `continuous` or a `discrete` plant. A continuous plant is simulated
+    exactly at its samples."""
     period: Duration  # s
     """Time between two samples of a trial."""
     A: Many[Many[Entry]] | None = None
-    """Matrix $A$ as rows of numbers or formulas of the parameters in `parameter`, with `+ - * / **`, such as
-    `"-B / J"`."""
+    """Matrix $A$ as rows of numbers or formulas. A formula computes with the parameters in `parameter`, by `+
+    - * / **`, such as `"-B / J"`."""
     B: Many[Entry] | None = None
     """Vector $B$: one number or formula for each state."""
     C: Many[float]
     """Matrix $C$: one row with a number for each state."""
     parameter: dict[str, Parameter] = Field(default={})
-    """Parameters in the formulas of $A$ and $B$, by name: a number, the range `[smallest, largest]` in which
-    it is constant but unknown, or a table with `value` and `range`."""
+    """Parameters in the formulas of $A$ and $B$, by name. Each is a number, the range `[smallest, largest]`
+    in which it is constant but unknown, or a table with `value` and `range`."""
     vertex: Many[PlantVertex] = ()
-    """Corners of the set of possible plants, with numbers only, in place of `A`, `B` and `parameter`. The
-    nominal plant is their mean."""
+    """Corners of the set of possible plants, with numbers only. They replace `A`, `B` and `parameter`. The
+    nominal plant is the mean of all corners."""
     states: Many[str] | None = None
     """Names of the states in tables and report. Default: x_1, x_2, ..."""
     input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
     """Largest magnitude of the plant's input $u$."""
     noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Standard deviation of the white noise on each measured state, such as `[1e-5, 0]`. Metrics and traces
-    have the true states. Default: no noise."""
+    """Standard deviation of the white noise on each measured state, such as `[1e-5, 0]`. Only the law gets
+    noisy states: metrics and traces have the true states. Default: no noise."""
     load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     """Standard deviation of the white noise on the disturbance $d$, in the unit of the input $u$."""
 

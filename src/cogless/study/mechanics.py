@@ -42,10 +42,10 @@ class TorqueHarmonic(Table):
     """A part of a torque: torque sin(order theta + phase), with theta the mechanical angle."""
 
     order: Order
-    """Number of waves of this harmonic per mechanical revolution."""
+    """Order of this harmonic: number of its waves per mechanical revolution."""
     torque: Torque  # N*m
-    r"""Amplitude of the harmonic `torque` sin(`order` $\theta$ + `phase`) at the angle $\theta$. In
-    `harmonics` it is added to the load torque, in `friction_harmonics` to the friction."""
+    r"""Amplitude of this harmonic. The harmonic is `torque` sin(`order` $\theta$ + `phase`) at the mechanical
+    angle $\theta$. In `harmonics` it is added to the load torque, in `friction_harmonics` to the friction."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 
@@ -54,12 +54,14 @@ class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
 
     angle: Many[Angle] = ()  # rad
-    """Angles of the table, rising. The last one is less than one revolution above the first one."""
+    """Mechanical angles of the table, rising. The last one is less than one revolution above the first
+    one."""
     torque: Many[Torque] = ()  # N*m
-    """Torque at each angle of the table, linear between two angles. It repeats with each revolution."""
+    """Torque at each mechanical angle of the table. Between two angles it is linear. It repeats with each
+    revolution."""
     file: File | None = None
-    """CSV file, relative to the study, that replaces `angle` and `torque`: it has columns of these names,
-    with their units in the first line."""
+    """CSV file that replaces `angle` and `torque`: it has columns of these names, with their units in the
+    first line. The path is relative to the study."""
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
@@ -88,8 +90,8 @@ class TimeTable(Table):
     time: Many[Time]  # s
     """Times of the table, rising."""
     torque: Many[Torque]  # N*m
-    """Torque at each time of the table: linear between two times, constant before the first and after the
-    last time."""
+    """Torque at each time of the table. Between two times it is linear; before the first and after the last
+    time it is constant."""
 
     @model_validator(mode="after")
     def _shape(self) -> Self:
@@ -113,11 +115,11 @@ class Load(Table):
     lag: Time = 0.0  # s
     """Time constant with which the constant part of the load torque follows its new value after an event."""
     harmonics: Many[TorqueHarmonic] = ()
-    """Parts of the load torque that are sines of the angle."""
+    """Parts of the load torque that are sines of the mechanical angle."""
     angle_table: AngleTable | None = None
-    """Part of the load torque given by a table over the angle."""
+    """Part of the load torque that a table over the mechanical angle gives."""
     time_table: TimeTable | None = None
-    """Part of the load torque given by a table over time."""
+    """Part of the load torque that a table over time gives."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -133,18 +135,20 @@ class Mass(Table):
     viscous_friction: ViscousFriction = 0.0  # N*m*s/rad
     """Viscous friction: friction torque per speed."""
     coulomb_friction: TorqueMagnitude = 0.0  # N*m
-    """Coulomb friction: friction torque during motion, independent of the speed."""
+    """Coulomb friction: friction torque during motion, which does not depend on the speed."""
     breakaway_friction: TorqueMagnitude | None = None  # N*m
-    """Largest torque against which friction holds a body at standstill. Default: `coulomb_friction`, the
-    smallest possible value."""
+    """Largest torque against which friction holds a body at standstill, at least `coulomb_friction`. Default:
+    `coulomb_friction`."""
     stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s
-    r"""Stribeck speed $\omega_s$: at the speed $\omega$, friction without its viscous part is $\tau_C +
-    (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$, with $\tau_C$ = `coulomb_friction` and
-    $\tau_{breakaway}$ = `breakaway_friction`. 0: it is $\tau_C$ at any speed except standstill."""
+    r"""Stribeck speed $\omega_s$: at this speed, friction has fallen by 63 % of the way from
+    `breakaway_friction` $\tau_{breakaway}$ to `coulomb_friction` $\tau_C$. At the speed $\omega$, friction
+    without its viscous part is $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: it is
+    $\tau_C$ at any speed except standstill."""
     friction_harmonics: Many[TorqueHarmonic] = ()  # N*m
-    """Sines of the angle that are added to `coulomb_friction` and `breakaway_friction`."""
+    """Sines of the mechanical angle that are added to `coulomb_friction` and `breakaway_friction`."""
     friction_table: AngleTable | None = None  # N*m
-    """Table over the angle whose torque is added to `coulomb_friction` and `breakaway_friction`."""
+    """Table over the mechanical angle whose torque is added to `coulomb_friction` and
+    `breakaway_friction`."""
 
     @property
     def breakaway(self) -> float:
@@ -183,14 +187,16 @@ class GearError(Table):
     """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
 
     side: Literal["input", "output"]
-    """Shaft in whose revolutions `order` counts: `input` (motor) or `output` of the gear."""
+    """Shaft in whose revolutions `order` counts: the `input` of the gear (the motor) or the `output` of the
+    gear."""
     order: Order
-    """Number of waves of this error per revolution of the shaft that `side` names."""
+    """Order of this part of the gear's error: number of its waves per revolution of the shaft that `side`
+    names."""
     angle: AngleMagnitude  # rad
-    r"""Amplitude of this error: `angle` sin(`order` $\theta$ + `phase`) is added to the output's angle.
-    $\theta$ is the angle of the shaft that `side` names."""
+    r"""Amplitude of this part of the gear's error. The part adds `angle` sin(`order` $\theta$ + `phase`) to
+    the output's angle. $\theta$ is the angle of the shaft that `side` names."""
     phase: Angle = 0.0  # rad
-    """Phase of this error: 360 deg are one of its waves."""
+    """Phase of this part of the gear's error: 360 deg are one of its waves."""
 
 
 class LoadSide(Mass):
@@ -200,13 +206,15 @@ class LoadSide(Mass):
     """Stiffness of the shaft between gear and load: torque per angle of twist, on the load's side of the
     gear."""
     damping: ViscousFriction = 0.0  # N*m*s/rad
-    """Damping of this shaft: torque per speed of twist, on the load's side of the gear."""
+    """Damping of the shaft between gear and load: torque per speed of twist, on the load's side of the
+    gear."""
     backlash: AngleMagnitude = 0.0  # rad
-    """Whole width of the gap between shaft and load, as an angle of the load."""
+    """Whole width of the gap between shaft and load, as an angle of the load. Within the gap the shaft has no
+    torque."""
     ratio: Annotated[float, Field(gt=0)] = 1.0
     """Ratio of the gear: speed of the motor divided by the speed of the load."""
     gear_errors: Many[GearError] = ()
-    """Parts of the gear's angle error (transmission error)."""
+    """Parts of the gear's angle error (transmission error), one for each order."""
 
     @model_validator(mode="after")
     def _turns_on(self) -> Self:
@@ -234,15 +242,17 @@ class Accelerometer(Table):
     """Number of samples per second. `trace.rate` must be at least four times as high."""
     rate_error: Annotated[float, Field(ge=0, le=0.1)] = 0.0
     """Largest relative error of the sample rate, since the accelerometer has its own clock. The error is
-    drawn at random for each log."""
+    drawn at random for each log. The times in a log are right, as Klipper measures the clock; only their
+    spacing differs from 1/`rate`."""
     noise: AccelerationMagnitude = 0.0  # m/s^2
     """Standard deviation of the noise in each axis of each sample."""
     resolution: AccelerationMagnitude = 0.0  # m/s^2
     """Step of the measured acceleration, such as 0.0392 m/s^2 of an ADXL345. 0: no steps."""
     late: Time = 0.0  # s
-    """Largest time by which a log begins later than its run, drawn at random for each log."""
+    """Largest time by which a log begins later than its run. The time is drawn at random for each log."""
     logs: Annotated[int, Field(ge=1, le=100)] = 1
-    """Number of logs that are written for each run, with different random numbers."""
+    """Number of logs that are written for each run. Each log has its own random noise, clock error and
+    start."""
 
 
 class Belt(Table):
@@ -253,20 +263,22 @@ class Belt(Table):
     pitch: Length = 2e-3  # m
     """Length of the belt per tooth."""
     mass: CarriageMass  # kg
-    """Mass of the carriage and of everything that moves with it; for one axis of a CoreXY printer, half of
-    it."""
+    """Mass of the carriage and of everything that moves with it. For one axis of a CoreXY printer, give half
+    of the mass that moves along this axis."""
     resonance: Frequency | None = None  # Hz
     """Frequency at which the carriage oscillates on its belt while the motor's shaft is held. Give
-    `resonance` or `stiffness`. Do not give the resonance measured for an input shaper: there the motor's
-    shaft moves, too."""
+    `resonance` or `stiffness`. Do not give the resonance that is measured for an input shaper: in that
+    measurement the motor's shaft moves, too."""
     stiffness: BeltStiffness | None = None  # N/m
-    """Stiffness of the belt: force per change of length, both halves of the belt together."""
+    """Stiffness of the belt: force per change of length, both halves of the belt together. Give `resonance`
+    or `stiffness`."""
     damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.05
     """Damping of the carriage's oscillation on its belt, relative to critical damping."""
     friction: Force = 0.0  # N
-    """Friction force on the moving carriage."""
+    """Friction force on the carriage while it moves."""
     accelerometer: Accelerometer | None = None
-    """Accelerometer on the carriage, whose logs each run writes. Default: none."""
+    """Accelerometer on the carriage, whose logs each run writes. It does not change the motion. Default: no
+    logs."""
 
     @model_validator(mode="after")
     def _one_word(self) -> Self:
@@ -295,8 +307,8 @@ class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
 
     load_side: LoadSide | None = None
-    """Second mass, behind a gear and an elastic shaft. Inertia and frictions in `[mechanics]` are then those
-    of the motor's side. Default: one mass."""
+    """Second mass, behind a gear and an elastic shaft. `inertia` and the frictions in `[mechanics]` are then
+    those of the motor's side. Default: one mass."""
     belt: Belt | None = None
     """Carriage on a belt. It replaces `load_side`. Default: no belt."""
     load: Load = Load()

@@ -58,7 +58,7 @@ class Metric(Table):
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-    """Name of the metric in tables. `results.json` appends the SI unit."""
+    """Name of the metric in tables. In `results.json` the SI unit is appended to this name."""
     kind: Literal[
         "peak-to-peak",
         "rms",
@@ -84,38 +84,41 @@ class Metric(Table):
     """What is computed from the signal: [the kinds of metrics](/guide/metrics.md)."""
     signal: str | None = None
     """Signal from which the metric is computed. Default: `omega_m` for `dip`, `settling` and `overshoot`;
-    `theta_load` for `carriage-ripple`."""
+    `theta_load` for `carriage-ripple`. `copper-loss` and `chattering` have no signal."""
     window: tuple[Time, Time] | None = Field(default=None, strict=False)  # s
-    """Start and end of the time over which the metric is computed. Default: from the `event` to the next
-    event; without `event`, the whole run."""
+    """Start and end of the time over which the metric is computed. Default: from the event in the key `event`
+    to the next event; without `event`, the whole run."""
     last: Duration | None = None  # s
-    """Duration at the end of each scenario over which the metric is computed. It replaces `window` and
-    `event`."""
+    """Duration of the window at the end of each scenario over which the metric is computed. It replaces
+    `window` and `event`."""
     scenarios: Many[str] | None = None
-    """Scenarios in which the metric is computed. Default: all, or with the key `event` all that have an event
-    at this time."""
+    """Scenarios in which the metric is computed. Default: all scenarios; with the key `event`, all scenarios
+    that have an event at this time."""
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    """Orders whose amplitudes a metric of kind `order` computes."""
+    """Orders of a revolution whose amplitudes a metric of kind `order` computes."""
     frame: Literal["electrical", "mechanical"] = "mechanical"
     """For a metric of kind `order`: whether it counts waves per mechanical or per electrical revolution. For
     other kinds: whether angles and speeds are mechanical or electrical, that is, [times the pole
     pairs](/guide/metrics.md#frame)."""
     event: Time | None = None  # s
-    """Time of an event, such as a load step, at which the window begins."""
+    """Time of an event, such as a load step, at which the window begins. `dip`, `settling` and `overshoot`
+    measure the effect of this event."""
     band: float | None = None  # SI
     """For `settling` and `exceeds`: half of the width of the band, in the signal's unit. For `time-to-learn`:
     the largest allowed rms of the signal."""
     floor: float | None = None  # SI
     """For `trials-to-floor`: the rms that a trial must reach, in the signal's unit."""
     smooth: Duration | None = None  # s
-    """For `dip`, `settling` and `overshoot`: time of a moving average of the signal, so that ripple does not
-    count. For `time-to-learn`: duration of the intervals in each of which the rms must be at most `band`."""
+    """For `dip`, `settling` and `overshoot`: time over which a moving average first smooths the signal, so
+    that ripple does not count. For `time-to-learn`: duration of the intervals in each of which the rms must
+    be at most `band`."""
     unit: str | None = None  # SI
-    """Unit of the metric in tables and report. Default: the [unit that the study
-    uses](/guide/metrics.md#units) for speeds and angles, otherwise SI."""
+    """Unit of the metric in tables and report; `results.json` always has SI units. Default: the [unit that
+    the study uses](/guide/metrics.md#units) for speeds and angles, otherwise SI."""
     better: Literal["lower", "higher", "none"] = "lower"
-    """Which values of the metric are better, so that tables mark the best one. Default: `lower`; for the kind
-    `exceeds` `higher`."""
+    """Which values of the metric are better, so that tables mark the best one: `lower` or `higher` values, or
+    `none`. Default: `lower`. For the kind `exceeds` the default is `higher`, since the signal should leave
+    the band as late as possible."""
     limit: float | None = None  # SI
     """Largest acceptable value of the metric, or the smallest one if higher values are better. `cogless
     sweep` shows the share of variants within this limit."""

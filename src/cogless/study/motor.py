@@ -63,16 +63,17 @@ class FluxHarmonic(Table):
     """
 
     order: Order
-    """Number of waves of this harmonic per electrical revolution."""
+    """Order of this harmonic: number of its waves per electrical revolution."""
     d: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of the harmonic `d` cos(`order` $\theta_e$ + `d_phase`) of the flux linkage $\psi_d$ at the
-    electrical angle $\theta_e$."""
+    r"""Amplitude of this harmonic in the flux linkage $\psi_d$. The harmonic is `d` cos(`order` $\theta_e$ +
+    `d_phase`) at the electrical angle $\theta_e$."""
     q: FluxAmplitude = 0.0  # Wb
-    r"""Amplitude of the harmonic `q` sin(`order` $\theta_e$ + `q_phase`) of the flux linkage $\psi_q$."""
+    r"""Amplitude of this harmonic in the flux linkage $\psi_q$. The harmonic is `q` sin(`order` $\theta_e$ +
+    `q_phase`) at the electrical angle $\theta_e$."""
     d_phase: Angle = 0.0  # rad
-    r"""Phase of this harmonic in $\psi_d$."""
+    r"""Phase of this harmonic in the flux linkage $\psi_d$ (see `d`)."""
     q_phase: Angle = 0.0  # rad
-    r"""Phase of this harmonic in $\psi_q$."""
+    r"""Phase of this harmonic in the flux linkage $\psi_q$ (see `q`)."""
 
 
 class TorqueRipple(Table):
@@ -82,13 +83,15 @@ class TorqueRipple(Table):
     """
 
     order: Order
-    """Number of waves of this harmonic per mechanical revolution."""
+    """Order of this harmonic: number of its waves per mechanical revolution."""
     percent: float | None = None  # amplitude
-    r"""Amplitude of this harmonic, in per cent of the mean torque constant $K_t$. At the angle $\theta_m$ the
-    torque constant is $K_t$ (1 + `percent`/100 sin(`order` $\theta_m$ + `phase`)). The [back-EMF has the same
-    relative ripple](/theory/plant.md#torque-constant-ripple). Give `percent` or `percent_peak_to_peak`."""
+    r"""Amplitude of this harmonic, in per cent of the mean torque constant $K_t$. At the mechanical angle
+    $\theta_m$ the torque constant is $K_t$ (1 + `percent`/100 sin(`order` $\theta_m$ + `phase`)). The
+    [back-EMF has the same relative ripple](/theory/plant.md#torque-constant-ripple). Give `percent` or
+    `percent_peak_to_peak`."""
     percent_peak_to_peak: float | None = None
-    """Twice the amplitude of this harmonic, in per cent of the mean torque constant."""
+    """Twice the amplitude of this harmonic, in per cent of the mean torque constant. Give `percent` or
+    `percent_peak_to_peak`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 
@@ -110,15 +113,17 @@ class Cogging(Table):
     IN_PLACE: ClassVar[dict[str, str]] = {"amplitude": "torque", "peak_to_peak": "torque_peak_to_peak"}
 
     order: Order
-    """Number of waves of this harmonic per mechanical revolution."""
+    """Order of this harmonic: number of its waves per mechanical revolution."""
     torque: Torque | None = None  # N*m
-    r"""Amplitude of the harmonic `torque` sin(`order` $\theta_m$ + `phase`) of the cogging torque at the
-    angle $\theta_m$. Give `torque`, `torque_peak_to_peak` or `current`."""
+    r"""Amplitude of this harmonic of the cogging torque. The harmonic is `torque` sin(`order` $\theta_m$ +
+    `phase`) at the mechanical angle $\theta_m$. Give `torque`, `torque_peak_to_peak` or `current`."""
     torque_peak_to_peak: Torque | None = None  # N*m
-    """Peak-to-peak torque of this harmonic, as in most datasheets."""
+    """Peak-to-peak torque of this harmonic, as in most datasheets: twice its amplitude. Give `torque`,
+    `torque_peak_to_peak` or `current`."""
     current: Current | None = None  # A
     """Amplitude of the current that holds the rotor against this harmonic: the torque's amplitude divided by
-    $K_t$. `phase` is that of the cogging torque: add 180 deg to the phase of a measured holding current."""
+    $K_t$. `phase` is the phase of the cogging torque: add 180 deg to the phase of a measured holding current.
+    Give `torque`, `torque_peak_to_peak` or `current`."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic: 360 deg are one of its waves."""
 
@@ -161,19 +166,21 @@ class Motor(Table):
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
     """Number of pole pairs: electrical revolutions in a mechanical revolution."""
     slots: Annotated[int, Field(ge=3, le=10_000)] | None = None
-    """Number of slots (teeth) of the stator. Only [harmonic](/laws/harmonic.md) needs this key."""
+    """Number of slots (teeth) of the stator. Slots and poles determine the orders of cogging. Only
+    [harmonic](/laws/harmonic.md) needs this key."""
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts
     R_s: Resistance | None = None  # ohm
     """Resistance of one winding. Give `R_s` or `resistance_line_to_line`."""
     resistance_line_to_line: Resistance | None = None  # ohm
-    """Resistance between two terminals: twice that of a phase of the star equivalent."""
+    """Resistance between two terminals: twice that of a phase of the star equivalent. Give `R_s` or
+    `resistance_line_to_line`."""
     L_d: Inductance | None = None  # H
     """Inductance of one winding in the d axis. Give `L_d` and `L_q`, or `inductance_line_to_line`."""
     L_q: Inductance | None = None  # H
-    """Inductance of one winding in the q axis."""
+    """Inductance of one winding in the q axis. Give `L_d` and `L_q`, or `inductance_line_to_line`."""
     inductance_line_to_line: Inductance | None = None  # H
     """Inductance between two terminals: twice that of a phase of the star equivalent. Only for motors with
-    $L_d = L_q$."""
+    $L_d = L_q$. Give `L_d` and `L_q`, or `inductance_line_to_line`."""
     psi_f: FluxLinkage | None = None  # Wb
     r"""Peak flux linkage $\psi_f$ of the magnet with one winding. Instead you may give one of the keys whose
     names begin with `K_t`, `kv` or `K_e`."""
@@ -181,11 +188,11 @@ class Motor(Table):
     r"""Torque constant $K_t$: torque per peak line current. It is $1.5\, p\, \psi_f$, with $p$ pole pairs and
     the flux linkage $\psi_f$ of the star equivalent."""
     K_t_rms: TorqueConstant | None = None  # N*m/A
-    r"""Torque per rms line current: $\sqrt2\, K_t$."""
+    r"""Torque per rms line current: $\sqrt2\, K_t$, with the torque $K_t$ per peak line current."""
     kv: SpeedConstant | None = None  # rad/s/V
-    r"""Speed constant $k_v$: no-load speed per peak voltage from line to line, the "Kv" of hobby motors in
-    rpm per volt. It is $1/(\sqrt3\, p\, \psi_f)$ with the symbols of `K_t`, so $K_t =
-    \frac{\sqrt3}{2}/k_v$."""
+    r"""Speed constant $k_v$: no-load speed per peak voltage from line to line. It is the "Kv" of hobby
+    motors, in rpm per volt of the battery. It is $1/(\sqrt3\, p\, \psi_f)$, with $p$ pole pairs and the flux
+    linkage $\psi_f$ of the star equivalent, so $K_t = \frac{\sqrt3}{2}/k_v$."""
     kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
     r"""No-load speed per rms voltage from line to line: $\sqrt2$ times the value of `kv`."""
     kv_phase_peak: SpeedConstant | None = None  # rad/s/V
@@ -195,15 +202,17 @@ class Motor(Table):
     K_e_line_to_line_peak: BackEmfConstant | None = None  # V*s/rad
     """Peak back-EMF from line to line per speed: the reciprocal of `kv`."""
     K_e_line_to_line_rms: BackEmfConstant | None = None  # V*s/rad
-    """Rms back-EMF from line to line per speed. Write 46 V per 1000 rpm as `"46 mV/rpm"`."""
+    """Rms back-EMF from line to line per speed. Datasheets often state it in V per 1000 rpm: write 46 V per
+    1000 rpm as `"46 mV/rpm"`."""
     K_e_phase_peak: BackEmfConstant | None = None  # V*s/rad
-    r"""Peak back-EMF from line to star point per speed: $p\, \psi_f$, with $p$ pole pairs."""
+    r"""Peak back-EMF from line to star point per speed: $p\, \psi_f$, with $p$ pole pairs and the flux
+    linkage $\psi_f$ of the star equivalent."""
     K_e_phase_rms: BackEmfConstant | None = None  # V*s/rad
     """Rms back-EMF from line to star point per speed."""
     winding: Literal["star", "delta"] = "star"
-    r"""Connection of the windings to which `R_s`, `L_d`, `L_q` and the flux linkages refer. A delta
-    connection is converted to its star equivalent: a third of the resistance and of the inductances, $1/\sqrt
-    3$ of the flux linkages."""
+    r"""Connection of the windings to which `R_s`, `L_d`, `L_q` and the flux linkages refer. cogless converts
+    a delta connection to its star equivalent: a third of the resistance and of the inductances, $1/\sqrt 3$
+    of the flux linkages."""
     rated_torque: Torque | None = None  # N*m
     """Rated torque of the motor, only for information."""
     rated_speed: AngularSpeed | None = None  # rad/s
@@ -211,7 +220,7 @@ class Motor(Table):
     flux_harmonics: Many[FluxHarmonic] = ()
     """Harmonics of the magnet's flux linkage."""
     torque_ripple: Many[TorqueRipple] = ()
-    """Harmonics of the torque constant over the angle."""
+    """Harmonics of the torque constant over the mechanical angle."""
     cogging: Many[Cogging] = ()
     """Harmonics of the cogging torque."""
     cogging_table: CoggingTable | None = None
@@ -220,8 +229,8 @@ class Motor(Table):
     """Measured back-EMF over the angle, from a CSV file. It determines the magnet's flux and
     `flux_harmonics`."""
     saturation: Saturation | None = None
-    """Flux linkages as functions of the currents, not for a delta connection. Default: constant
-    inductances."""
+    """Flux linkages as functions of the currents. Default: constant inductances. Not possible with a delta
+    connection."""
     temperature: MotorTemperature | None = None
     """Temperatures of winding and magnets. Default: resistance and flux remain as given."""
 
@@ -403,7 +412,7 @@ class StepMotor(Table):
     """Number of rotor teeth $N_r$: electrical revolutions in a mechanical revolution. Give `teeth` or
     `step_angle`."""
     step_angle: Angle | None = None  # rad
-    r"""Angle of a full step, $2 \pi / (4 N_r)$ with $N_r$ rotor teeth."""
+    r"""Angle of a full step, $2 \pi / (4 N_r)$ with $N_r$ rotor teeth. Give `teeth` or `step_angle`."""
     R_s: Resistance  # ohm
     """Resistance of a phase."""
     L_0: Inductance  # H
@@ -416,20 +425,21 @@ class StepMotor(Table):
     i_f L_{m1}$ with $N_r$ rotor teeth and the key `i_f`. $L_{mj}$ makes ripple of the electrical order $j -
     1$. Give `L_m` or `holding_torque`."""
     holding_torque: PositiveTorque | None = None  # N*m
-    r"""Torque with which the motor holds its position at `rated_current` in both phases: $\sqrt2\,K_t$ times
-    this current."""
+    r"""Torque with which the motor holds its position at `rated_current` in both phases. It determines $K_t$
+    = `holding_torque` / ($\sqrt2$ `rated_current`). Give `L_m` or `holding_torque`."""
     rated_current: PositiveCurrent | None = None  # A
-    """Direct current in both phases at which the motor has its `holding_torque`."""
+    """Direct current in each of the two phases at which the motor has its `holding_torque`."""
     L_m_backward: Many[InductanceAmplitude] = ()  # H
     """Coefficients like those of `L_m`, but for flux waves that turn backwards: coefficient number $j$ makes
-    ripple of the electrical order $j + 1$. The third harmonic of a symmetric motor is the third coefficient,
-    after two zeros."""
+    ripple of the electrical order $j + 1$. In a symmetric motor, the third harmonic of the flux turns
+    backwards: give it as the third coefficient, after two zeros."""
     L_f: Many[InductanceAmplitude] = ()  # H
     r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque; $L_{fj}$ makes cogging of the electrical
     order $j$. Give `L_f` or `detent_torque`."""
     detent_torque: Torque | None = None  # N*m
-    """Amplitude $2 N_r i_f^2 L_{f4}$ of the cogging torque of the electrical order 4. The detent torque in a
-    datasheet also contains friction."""
+    """Amplitude of the cogging torque of the electrical order 4. It is $2 N_r i_f^2 L_{f4}$ with $N_r$ rotor
+    teeth and the keys `i_f` and `L_f`. The detent torque in a datasheet also contains friction, because it is
+    the torque that turns the rotor without current."""
     i_f: PositiveCurrent = 1.0  # A
     """Fictitious current $i_f$ that represents the magnet."""
 

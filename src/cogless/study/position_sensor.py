@@ -34,8 +34,8 @@ class Mounted(Table):
 
     side: Literal["motor", "load"] = "motor"
     """Shaft on which the position sensor sits. From a sensor on the `load`, the drive computes the motor's
-    angle and speed by the gear's ratio, a whole number. Twist of the shaft and errors of the gear then
-    disturb law and commutation."""
+    angle and speed by the gear's ratio, which must be a whole number. Twist of the shaft and angle errors of
+    the gear then disturb law and commutation."""
 
 
 class IdealSensor(Mounted):
@@ -49,42 +49,43 @@ class AngleOrder(Table):
     """A part of a sensor's error: amplitude sin(order theta_m + phase)."""
 
     order: Annotated[int, Field(ge=1, le=ORDER_MAX)]
-    """Number of waves of this part of the error per mechanical revolution."""
+    """Order of this part of the sensor's error: number of its waves per mechanical revolution."""
     amplitude: Angle  # rad
-    r"""Amplitude of this part of the error: `amplitude` sin(`order` $\theta_m$ + `phase`) at the angle
-    $\theta_m$."""
+    r"""Amplitude of this part of the sensor's angle error. The part is `amplitude` sin(`order` $\theta_m$ +
+    `phase`) at the mechanical angle $\theta_m$."""
     phase: Angle = 0.0  # rad
-    """Phase of this part of the error: 360 deg are one of its waves."""
+    """Phase of this part of the sensor's error: 360 deg are one of its waves."""
 
 
 class Counted(Mounted):
     """A sensor that shows the angle in steps; its speed follows from them."""
 
     kind: str
-    """Kind of the position sensor."""
+    """Kind of the position sensor. Each kind has further keys."""
     speed_method: Literal["M", "average", "T", "MT", "observer"] = "M"
-    """[How](/theory/sensors.md#position-and-speed) the drive measures the speed: by counts in a period of the
-    speed loop (`M`) or in `window` (`average`), by an `observer`, or by the times of an encoder's edges (`T`,
-    `MT`). `M` is noisy if few counts come in a period, and laws learn this noise. `MT` is not noisy, but
-    needs hardware that measures the times of edges."""
+    """How the drive measures the speed. `M`: counts in a period of the speed loop. `T`: time between two
+    edges. `MT`: counts divided by the exact time between edges. `average`: as `M`, over `window`. `observer`:
+    an observer of the angle. `M` is noisy if few counts come in a period, and laws learn this noise. `MT` is
+    not noisy, but needs hardware that measures the times of edges. `T` and `MT` need an encoder."""
     window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop periods, with average only
-    """Time over which the `speed_method` `average` measures, in current-loop periods."""
+    """Time over which the `speed_method` `average` measures the speed, in current-loop periods."""
     observer_bandwidth: Frequency | None = None  # Hz
-    """Bandwidth of the observer of the `speed_method` `observer`. Choose at least three times the crossover
-    frequency of the speed loop."""
+    """Bandwidth of the observer that the `speed_method` `observer` needs. Choose at least three times the
+    crossover frequency of the speed loop."""
     eccentricity: Angle = 0.0  # rad
     """Amplitude of the angle error with one wave per mechanical revolution, as of an eccentric sensor."""
     eccentricity_phase: Angle = 0.0  # rad
-    """Phase of the angle error whose amplitude is `eccentricity`."""
+    """Phase of the angle error with one wave per mechanical revolution, whose amplitude is `eccentricity`."""
     error: Many[AngleOrder] = ()
     """Parts of the sensor's angle error, by order. They are added to the true angle."""
     error_table: File | None = None
-    """CSV file, relative to the study, of the sensor's angle error over the angle, with units in its first
-    line: `angle [deg],error [deg]`. Give at least eight rising angles in one revolution. Between two angles
-    the error is linear, also across the end of the revolution."""
+    """CSV file of the sensor's angle error over the mechanical angle, with units in its first line: `angle
+    [deg],error [deg]`. Give at least eight rising angles in one revolution. Between two angles the error is
+    linear, also from the last angle to the first one of the next revolution, where it must not jump. The path
+    is relative to the study."""
     latency: Time = 0.0  # s
     """Age of the measured angle, and of the speed that is computed from it. Not with the `speed_method` `T`
-    or `MT`."""
+    or `MT`, which measures the times of edges."""
     _errors: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -215,9 +216,9 @@ class Encoder(Counted):
     kind: Literal["encoder"]
     """An incremental encoder with quadrature signals."""
     lines: Annotated[int, Field(ge=1, le=10_000_000)]
-    """Number of lines per mechanical revolution, with four counts each."""
+    """Number of lines per mechanical revolution. Each line gives four counts."""
     timer: Frequency = 100e6  # Hz
-    """Rate of the clock of the `speed_method` `T` or `MT`."""
+    """Rate of the clock that measures the times of edges, for the `speed_method` `T` or `MT`."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -243,12 +244,13 @@ class Absolute(Counted):
     kind: Literal["absolute"]
     """An absolute encoder."""
     bits: Annotated[int, Field(ge=1, le=31)] | None = None
-    """Number of bits: $2^{bits}$ positions per mechanical revolution. Give `bits` or `positions`."""
+    """Number of bits: the encoder has $2^{bits}$ positions per mechanical revolution. Give `bits` or
+    `positions`."""
     positions: Annotated[int, Field(ge=2, le=2**31)] | None = None
-    """Number of positions per mechanical revolution."""
+    """Number of positions per mechanical revolution. Give `bits` or `positions`."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """How the drive measures the speed: by the change of the angle over `window` (`average`) or over a period
-    of the speed loop (`M`), or by an `observer` of the angle."""
+    """How the drive measures the speed. `average`: change of the angle over the key `window`. `M`: change of
+    the angle over a period of the speed loop. `observer`: an observer of the angle."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -272,10 +274,10 @@ class Resolver(Counted):
     kind: Literal["resolver"]
     """A resolver and its digital converter."""
     bits: Annotated[int, Field(ge=1, le=32)] = 14
-    """Number of bits of the converter: $2^{bits}$ counts per mechanical revolution."""
+    """Number of bits of the converter: it has $2^{bits}$ counts per mechanical revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
-    """How the drive measures the speed: by the change of the angle over `window` (`average`) or over a period
-    of the speed loop (`M`), or by an `observer` of the angle."""
+    """How the drive measures the speed. `average`: change of the angle over the key `window`. `M`: change of
+    the angle over a period of the speed loop. `observer`: an observer of the angle."""
 
     @property
     def counts(self) -> int:
@@ -290,7 +292,7 @@ class Hall(Table):
     """Three Hall sensors with six edges per electrical revolution. Between two edges the angle is
     extrapolated."""
     placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6  # rad
-    """Electrical angles by which the six edges come late. Without errors, the first edge is at the angle
+    """Electrical angles by which the six edges come late. Without such errors the first edge is at the angle
     zero, and the next ones follow every 60 deg."""
     edges: Annotated[int, Field(ge=1, le=6)] = 6
     """Number of intervals between edges over which the speed is measured. Over six intervals the errors of

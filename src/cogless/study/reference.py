@@ -56,34 +56,36 @@ class Reference(Table):
     """
 
     speed: AngularSpeed = 0.0  # rad/s
-    """Constant speed of the reference, with `ramp` its final speed."""
+    """Constant speed of the reference. With `ramp`: the speed at which the ramp ends."""
     ramp: AngularAcceleration = 0.0  # rad/s^2
-    """Slope of a ramp of the speed from `initial_speed` to `speed`."""
+    """Slope of a ramp of the speed, which begins at `initial_speed` and ends at `speed`."""
     profile: Many[tuple[Time, AngularSpeed]] = ()  # s
-    """Points `[time, speed]` of the reference: linear between two points, constant before the first and after
-    the last point."""
+    """Points `[time, speed]` of the reference. Between two points the speed is linear; before the first and
+    after the last point it is constant."""
     offset: AngularSpeed = 0.0  # rad/s
-    """Mean speed, to which the sine of `amplitude` and `frequency`, or the `sines`, are added."""
+    """Mean speed of the reference, to which the sine of `amplitude` and `frequency`, or the `sines`, are
+    added."""
     amplitude: AngularSpeed = 0.0  # rad/s
-    """Amplitude of the sine in the speed."""
+    """Amplitude of the sine in the speed of the reference."""
     frequency: Frequency = 0.0  # Hz
-    """Frequency of the sine in the speed."""
+    """Frequency of the sine in the speed of the reference."""
     depth: float = 0.0
-    """Modulation index of a frequency modulation. The speed at the time $t$ is `offset` + `amplitude` sin(2π
-    `frequency` $t$ + `depth` sin(2π `modulation` $t$))."""
+    """Modulation index of a frequency modulation: largest change of the frequency, divided by `modulation`.
+    The speed at the time $t$ is `offset` + `amplitude` sin(2π `frequency` $t$ + `depth` sin(2π `modulation`
+    $t$))."""
     modulation: Frequency = 0.0  # Hz
-    """Frequency of the modulation (see `depth`)."""
+    """Frequency with which the frequency of the sine is modulated (see `depth`)."""
     sines: Many[Sine] = ()
     """Sines of the speed that are added to `offset`."""
     moves: Many[tuple[Time, Angle]] = ()  # s
-    """Points `[time, angle]` of the reference, at which it rests. Between two points the angle is a
-    polynomial of the fifth degree."""
+    """Points `[time, angle]` of the reference, which is at rest at each point. Between two points the angle
+    is a polynomial of the fifth degree."""
     file: File | None = None
-    """CSV file, relative to the study, with the time and the speed of the reference, in s and rad/s, or in
-    the units of its first line: `time [s],speed [rpm]`."""
+    """CSV file with the time and the speed of the reference, in s and rad/s, or in the units of its first
+    line: `time [s],speed [rpm]`. The path is relative to the study."""
     smoothing: Time = 0.0  # s
     """Time constant of a critically damped filter that removes [steps](/theory/references.md) from the speed
-    of any form of reference. 0: no filter."""
+    of the reference. Every form of reference may have it. 0: no filter."""
     _from_file: Points = PrivateAttr(default=())
 
     @classmethod

@@ -43,8 +43,9 @@ class CurrentFile(Table):
     the current (cogless then mirrors the table); otherwise negative currents, zero and positive currents. In
     `magnet`: values of $i_q$ from zero on."""
     flux: Many[FluxAmplitude] | None = None  # Wb
-    """Flux linkage at each current of the table, zero at zero current. In `magnet`: change of the magnets'
-    flux linkage by the current, negative if the motor saturates."""
+    """Flux linkage at each current of the table, zero at zero current. In `d` the slope at zero current may
+    differ from `L_d` by at most 10 %, in `q` from `L_q`. In `magnet`: change of the magnets' flux linkage by
+    the current, negative if the motor saturates."""
     file: File | None = None
     """CSV file that replaces `current` and `flux` (in `d` and `q` also `inductance`): it has columns of these
     names, with their units in the first line."""
@@ -82,8 +83,8 @@ class OverCurrent(CurrentFile):
     """
 
     inductance: Many[Inductance] | None = None  # H
-    """Apparent inductance at each current of the table: flux linkage divided by current. Give `flux` or
-    `inductance`."""
+    """Apparent inductance at each current of the table: flux linkage divided by current, not the slope of the
+    flux linkage. Give `flux` or `inductance`."""
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
@@ -220,11 +221,11 @@ class Heating(Table):
     magnet_capacity: HeatCapacity  # J/K
     """Heat capacity of the magnets."""
     winding_to_ambient: ThermalResistance | None = None  # K/W
-    """Thermal resistance from the winding to the surroundings. Default: no heat flow."""
+    """Thermal resistance from the winding to the surroundings. Default: no heat flows this way."""
     winding_to_magnet: ThermalResistance | None = None  # K/W
-    """Thermal resistance from the winding to the magnets. Default: no heat flow."""
+    """Thermal resistance from the winding to the magnets. Default: no heat flows this way."""
     magnet_to_ambient: ThermalResistance | None = None  # K/W
-    """Thermal resistance from the magnets to the surroundings. Default: no heat flow."""
+    """Thermal resistance from the magnets to the surroundings. Default: no heat flows this way."""
 
     def paths(self) -> dict[str, float]:
         """Conductances between the bodies and the ambient, W/K."""
@@ -253,14 +254,15 @@ class MotorTemperature(Table):
     magnet: Temperature | None = None  # degC
     """Temperature of the magnets at the start of the run. Default: the temperature of the winding."""
     resistance_coefficient: TemperatureCoefficient = COPPER_COEFFICIENT
-    """Change of the resistance per kelvin, relative to its value at `reference`. Default: that of copper for
-    a `reference` of 20 degC."""
+    """Change of the resistance per kelvin, relative to its value at `reference`. Default: the coefficient of
+    copper for a `reference` of 20 degC."""
     flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
-    """Change of the magnets' flux per kelvin, relative to its value at `reference`: about `"-0.0011 1/K"` for
-    neodymium magnets, `"-0.002 1/K"` for ferrite. Cogging changes with the square of the flux."""
+    """Change of the magnets' flux per kelvin, relative to its value at `reference`, a negative number: about
+    `"-0.0011 1/K"` for neodymium magnets, `"-0.002 1/K"` for ferrite. Cogging changes with the square of the
+    flux."""
     heating: Heating | None = None
-    """Heat capacities and thermal resistances of winding and magnets. Default: the temperatures are
-    constant."""
+    """Heat capacities of winding and magnets, and thermal resistances between them and the surroundings.
+    Default: the temperatures are constant."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

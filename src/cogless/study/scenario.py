@@ -49,8 +49,8 @@ class AngleFault(FaultBase):
     """The position sensor gives no number, or keeps giving the last angle."""
 
     kind: Literal["angle-missing", "angle-stuck"]
-    """`angle-missing`: the position sensor gives no angle and no speed. `angle-stuck`: it keeps giving its
-    last angle."""
+    """`angle-missing`: the position sensor gives no angle and no speed (not a number). `angle-stuck`: the
+    position sensor keeps giving its last angle."""
 
     @property
     def effect(self) -> str:
@@ -61,8 +61,8 @@ class AngleJump(FaultBase):
     """The position sensor's angle has a constant error."""
 
     kind: Literal["angle-jump"]
-    """`angle-jump`: the measured angle has a constant error. A jump that lasts to the end of the scenario is
-    like a slipped index or lost counts."""
+    """`angle-jump`: the measured angle has a constant error, the key `angle`. A jump that lasts to the end of
+    the scenario is like a slipped index or lost counts."""
     angle: Angle  # rad
     """Mechanical angle that is added to the measured angle."""
 
@@ -75,10 +75,11 @@ class CurrentFault(FaultBase):
     """The current sensor of a phase gives no number, or zero."""
 
     kind: Literal["current-missing", "current-zero"]
-    """`current-missing`: a current sensor gives no value. `current-zero`: it measures zero."""
+    """`current-missing`: a current sensor gives no value (not a number). `current-zero`: a current sensor
+    measures zero."""
     phase: Literal["a", "b", "c"]
-    """Phase of the faulty current sensor. With two current sensors, the current of phase c is computed from
-    those of a and b."""
+    """Phase of the faulty current sensor. In a drive with two current sensors, the current of phase c is
+    computed from those of a and b."""
 
     @property
     def effect(self) -> str:
@@ -90,7 +91,7 @@ class BusFault(FaultBase):
     """The bus has another voltage, and the controller measures it."""
 
     kind: Literal["bus-voltage"]
-    """`bus-voltage`: the bus has another voltage, which the controller measures."""
+    """`bus-voltage`: the bus has another voltage during the fault. The controller measures this voltage."""
     voltage: Voltage  # V
     """Bus voltage during the fault."""
 
@@ -127,10 +128,10 @@ class TorqueMode(Table):
     duration: Duration | None = None  # s
     """Time for which torque mode lasts. Default: until the end of the run."""
     current: Current = 0.0  # A
-    """Current $i_q$ of your command, to which the drive adds what the law has learned."""
+    """Current $i_q$ of your command in torque mode, to which the drive adds what the law has learned."""
     profile: Many[tuple[Time, Current]] = ()  # s
-    """Points `[time, current]` that replace `current`: linear between two points, constant before the first
-    and after the last point."""
+    """Points `[time, current]` that replace `current`. Between two points the current is linear; before the
+    first and after the last point it is constant."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -171,10 +172,10 @@ class Experiment(Table):
     """Simulated time of the scenario. In a study of trials: duration of one trial, a whole number of samples
     from 4 to 65535."""
     faults: Many[Fault] = ()
-    """Faults of the sensors and of the bus voltage. In a study of trials, their times count from the start of
-    the run, not of a trial."""
+    """Faults of the sensors and of the bus voltage. In a study of trials, the time of a fault counts from the
+    start of the run, not of a trial."""
     controllers: Many[str] | None = None
-    """Names of the controllers that run in this scenario. Default: all."""
+    """Names of the controllers that run in this scenario. Default: all controllers of the study."""
 
     @property
     def run_time(self) -> float:
@@ -206,17 +207,17 @@ class Scenario(Experiment):
     initial_speed: AngularSpeed = 0.0  # rad/s
     """Speed of the rotor at the start of the run."""
     initial_angle: Angle = 0.0  # rad
-    """Angle of the rotor at the start of the run."""
+    """Mechanical angle of the rotor at the start of the run."""
     load: Load | None = None
     """Load torque in this scenario. It replaces `mechanics.load`."""
     events: Many[Event] = ()
     """Changes of the load during the run, in the order of their times."""
     torque_mode: TorqueMode | None = None
     """Time in which a given current replaces the output of the speed loop ([torque
-    mode](/laws/torque-mode.md)). Default: none."""
+    mode](/laws/torque-mode.md)). Default: no torque mode."""
     override: Override = Field(default={})
     """Values of `motor`, `drive` or `mechanics` by dotted key that are valid only in this scenario. The
-    controllers do not know them."""
+    controllers do not know these values: their gains are computed from the study without `override`."""
 
     @field_validator("override")
     @classmethod

@@ -67,8 +67,8 @@ class PositionReference(Table):
     """Smooth moves from point to point: polynomials of fifth degree, at rest at both ends."""
 
     points: Many[tuple[Time, Position]]  # s
-    """Points `[time, position]` of the reference, at which it rests. Between two points the position is a
-    polynomial of the fifth degree. An array of points is short for this table."""
+    """Points `[time, position]` of the reference, which is at rest at each point. Between two points the
+    position is a polynomial of the fifth degree. A plain array of points is short for this table."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -99,16 +99,17 @@ class Deviations(Table):
     """How far start and load of a trial are from those of its phase."""
 
     initial_angle: AngleMagnitude | None = None  # rad
-    """Deviation of a drive's initial angle: in `normal` its standard deviation, in `uniform` its largest
-    magnitude."""
+    """Deviation of a drive's initial angle: in a table `normal` its standard deviation, in a table `uniform`
+    its largest magnitude."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
-    """Deviation of a drive's initial speed, given in the same way as `initial_angle`."""
+    """Deviation of a drive's initial speed: in a table `normal` its standard deviation, in a table `uniform`
+    its largest magnitude."""
     initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    """Deviations of a linear plant's initial state, one number for each state: in `normal` their standard
-    deviations, in `uniform` their largest magnitudes."""
+    """Deviations of a linear plant's initial state, one number for each state: in a table `normal` their
+    standard deviations, in a table `uniform` their largest magnitudes."""
     load: LoadMagnitude | None = None
-    """Deviation of the load, constant in a trial and added to the `load_steps`: in `normal` its standard
-    deviation, in `uniform` its largest magnitude."""
+    """Deviation of the load, which is constant in a trial and is added to the `load_steps`: in a table
+    `normal` its standard deviation, in a table `uniform` its largest magnitude."""
 
 
 class EachTrial(Table):
@@ -153,15 +154,16 @@ class TrialConditions(Table):
     """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
 
     reference: PositionReference | None = None
-    """Motion that each trial repeats. In `changes`: a new motion. Default in `changes`: the same motion."""
+    """Motion that each trial repeats. In `changes`: a new motion; if you leave it out, the motion stays the
+    same."""
     load: Load | None = None
     """Load torque of a drive. It replaces `mechanics.load`."""
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
     """Load steps `[sample, amount]`. From this sample of each trial until the next step, the constant part of
-    the load is `amount`: for a drive a torque against positive rotation, in place of the `torque` of `load`;
-    for a linear plant the disturbance $d$ in the unit of the input $u$."""
+    the load is `amount`. For a drive this is a torque against positive rotation, in place of the `torque` of
+    `load`; for a linear plant it is the disturbance $d$ in the unit of the input $u$. `[]`: no load steps."""
     initial_angle: Angle | None = None  # rad
     """Angle of a drive at the start of each trial. Default: the first position of the reference."""
     initial_speed: AngularSpeed | None = None  # rad/s
@@ -170,7 +172,7 @@ class TrialConditions(Table):
     """State of a linear plant at the start of each trial. Default: zeros."""
     each_trial: EachTrial | None = None
     """Random deviations of start and load [in each
-    trial](/guide/trial-studies.md#starts-and-loads-at-random). Default: none."""
+    trial](/guide/trial-studies.md#starts-and-loads-at-random). Default: no deviations."""
     override: Override | None = None
     """Values that the simulated motor or plant has in this scenario, unknown to the controllers. For a drive:
     values of `motor` and `mechanics` by dotted key. For a linear plant: values of its parameters, or the
@@ -196,8 +198,8 @@ class Change(TrialConditions):
     """New conditions from trial number `trial` on."""
 
     trial: Annotated[int, Field(ge=2)]
-    """Number of the first trial with this change, counted from 1. Keys that you leave out keep their
-    values."""
+    """Number of the first trial with this change; the scenario's first trial has the number 1. Keys that you
+    leave out keep their values."""
 
 
 class TrialScenario(TrialConditions, Experiment):

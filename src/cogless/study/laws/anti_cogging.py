@@ -23,12 +23,12 @@ class AntiCogging(Feedback, Startable):
     """PI with a current table over the mechanical angle, learned in a commissioning run or before."""
 
     law: Literal["anti-cogging"]
-    """PI and an anti-cogging table: currents over the rotor's angle."""
+    """PI and an anti-cogging table, that is, a table of currents over the rotor's angle."""
     cells: Annotated[int, Field(ge=4, le=MAP_CELLS_MOST)] = 720
     """Number of entries of the anti-cogging table in a mechanical revolution."""
     lead: StartTime = 0.0  # s
-    """The law reads the anti-cogging table at the angle that the rotor will have after this time, to
-    compensate the delay of the current loop."""
+    """The law reads the anti-cogging table at the angle that the rotor will have after this time. So it
+    compensates the delay of the current loop."""
     calibration: Commissioning | None = None
     """Slow run before the scenario, which fills the anti-cogging table. Give `calibration` or `start`."""
 

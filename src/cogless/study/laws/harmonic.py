@@ -60,17 +60,17 @@ class Harmonic(Feedback, LearnsWhileRunning):
     numbers of the learning part."""
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
     """Lowest order that the law learns, in waves per mechanical revolution. The law learns only multiples of
-    `base`. Default: the greatest common divisor of `slots` and poles, or [a multiple of
+    `base`. Default: the greatest common divisor of `slots` and poles, or in two cases [a multiple of
     it](/laws/harmonic.md#the-rule); with Hall sensors 1. If you give `base`, all learned orders count as
-    known to exist, and act up to higher speeds."""
+    [known to exist](/laws/harmonic.md#the-rule). Such orders act up to higher speeds than others."""
     limit: CurrentBound | None = None  # A
     """Largest magnitude of the learned current, and of the cosine and the sine coefficient of each order.
     Default: `current_limit` of the drive."""
     position: bool = False
-    """True: the law controls the position, not the speed."""
+    """True: the law controls the position. False: the law controls the speed."""
     k_theta: RateGain | None = None  # 1/s
-    """Position gain: speed per angle error. Give it only if `position` is true and you also give `kp` and
-    `ki`."""
+    """Position gain: speed per angle error. Give it if `position` is true and you also give `kp` and `ki`;
+    otherwise leave it out."""
 
     @model_validator(mode="after")
     def _of_position(self) -> Self:

@@ -60,16 +60,17 @@ class Start(Table):
 
     # in the format of control/SPEC.md, as `cogless run` writes and firmware saves
     map: StartFile | None = None
-    """File, relative to the study, of [a stored map](/guide/stored-maps.md#start-a-run-from-a-map) from which
-    the law starts. Give `map` or `table`."""
+    """File of [a stored map](/guide/stored-maps.md#start-a-run-from-a-map) from which the law starts; the
+    path is relative to the study. Give `map` or `table`."""
     table: StartFile | None = None
-    """CSV file, relative to the study, of a current or torque over the rotor's angle, [with units in its
-    first line](/guide/stored-maps.md#a-foreign-table), from which the law starts."""
+    """CSV file of a current or torque over the rotor's angle, [with units in its first
+    line](/guide/stored-maps.md#a-foreign-table), from which the law starts. The path is relative to the
+    study. Give `map` or `table`."""
     frame: Literal["mechanical", "electrical"] = "mechanical"
     """Whether the angle in the file of `table` is mechanical or electrical."""
     sign: Literal["holding", "cogging"] | None = None
     """Meaning of the values in the file of `table`. `"holding"`: current or torque that holds the rotor
-    against the motor's own torque. `"cogging"`: the motor's own torque."""
+    against the motor's own torque. `"cogging"`: the motor's own torque. Required with `table`."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -111,8 +112,8 @@ class Tuning(Table):
     `phase_margin`. `auto`: [computes all numbers of the law](/laws/auto.md) that the controller's table
     leaves out."""
     phase_margin: PhaseMargin = math.radians(45)  # rad
-    """Phase margin of the feedback, from 20 to 80 deg. The rule `phase-margin` requires this key; the rule
-    `auto` takes 45 deg by default."""
+    """Phase margin of the feedback, from 20 to 80 deg (0.3 to 1.45 rad). The rule `phase-margin` requires
+    this key; the rule `auto` takes 45 deg by default."""
 
     @property
     def is_auto(self) -> bool:
@@ -218,8 +219,9 @@ class Base(Table):
     label: Line | None = None
     """Name of the controller in tables and report. Default: its name in the study."""
     baseline: bool = False
-    """True: tables and report show the values of the other controllers as ratios to those of this controller.
-    Default: the first controller of the study is the baseline."""
+    """True: this controller is the baseline. Tables and report show the values of the other controllers as
+    ratios to those of the baseline. Only one controller may be the baseline. Default: the first controller of
+    the study."""
 
     if TYPE_CHECKING:
         law: str  # name of the law; each law declares this as its first own key
@@ -456,7 +458,7 @@ class Feedback(Base):
     kp: SpeedGain | None = None  # A*s/rad
     """Proportional gain of the PI: current per speed error. Give `kp` and `ki`, or `tuning`."""
     ki: SpeedIntegralGain | None = None  # A/rad
-    """Integral gain of the PI: current per integral of the speed error."""
+    """Integral gain of the PI: current per integral of the speed error. Give `kp` and `ki`, or `tuning`."""
     tuning: Tuning | None = None
     """Rule that computes `kp` and `ki`. The rule `auto` also computes the law's other numbers."""
 
@@ -506,9 +508,9 @@ class Startable(Base):
     """A law whose map over the angle can be one that was learned before."""
 
     start: Start | None = None
-    """Map from which the law starts, because it was learned before. Default: an empty map. A law of your own
-    needs functions for this: in Python `learned_map` and `load_map`, in a library
-    `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
+    """Map that the law has at the start of the run because it was learned before. Default: an empty map. To
+    take such a map, a Python class of your own needs the methods `learned_map` and `load_map`; a library of
+    your own needs the functions `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
 
     @property
     def begins_with(self) -> Start | None:
@@ -565,8 +567,8 @@ class Learning(LearnsWhileRunning):
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Share of the learned current that is kept from one period to the next. 1: nothing is forgotten."""
     q_half_width: Annotated[int, Field(ge=0)] = 0
-    """Half width of the [Q filter](/laws/memory.md#q-filter-and-forgetting): each entry of the memory is
-    averaged with this many entries on each side. 0: no Q filter."""
+    """Half width of the [Q filter](/laws/memory.md#q-filter-and-forgetting), which averages each entry of the
+    memory with this many entries on each side. 0: no Q filter."""
     lead: StartTime = 0.0  # s
     """Time from a current to the speed error that it causes. The present error corrects the memory's entry
     that acted this long ago. The time is rounded to speed-loop samples, at most a quarter of `cells`."""

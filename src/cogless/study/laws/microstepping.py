@@ -29,8 +29,8 @@ class Wave(Table):
     order: Annotated[int, Field(ge=1, le=1000)]
     """Number of periods of this wave in an electrical revolution."""
     magnitude: Annotated[float, Quantity(units.ANGLE, ">=", bare=True)]  # rad
-    """Amplitude of this wave, as an electrical angle: `magnitude` sin(`order` $u$ + `phase`) is added to the
-    commanded electrical angle $u$."""
+    """Amplitude of this wave, as an electrical angle. The wave adds `magnitude` sin(`order` $u$ + `phase`) to
+    the commanded electrical angle $u$."""
     phase: Annotated[float, Quantity(units.ANGLE, bare=True)] = 0.0  # rad
     """Phase of this wave: 360 deg are one of its periods."""
 
@@ -57,12 +57,13 @@ class AngleCorrection(Table):
     """What is added to the commanded electrical angle, for each direction."""
 
     forward: Waves = ()
-    """Waves of the correction while the motor turns forwards, at most 8."""
+    """Waves of the correction while the motor turns forwards (positive speed), at most 8."""
     backward: Waves = ()
-    """Waves of the correction while the motor turns backwards, at most 8."""
+    """Waves of the correction while the motor turns backwards (negative speed), at most 8."""
 
     current: Annotated[float, Quantity(units.CURRENT, ">", bare=True)] | None = None  # A rms
-    """Rms current of each coil for which the correction is right."""
+    """Rms current of each coil for which the correction is right. cogless warns if the law's key `current`
+    differs from it so much that over 5 % of the ripple would remain."""
 
     file: File | None = None
     """File `correction.json` that `cogless identify` wrote for a printer. It replaces `forward`, `backward`
@@ -130,7 +131,7 @@ class Microstepping(Base):
     """Number of microsteps in a full step: a power of two up to 1024."""
     correction: AngleCorrection | None = None
     """Waves that are added to the commanded angle to reduce ripple, such as those of `cogless identify
-    --drive klipper`. Default: none."""
+    --drive klipper`. Default: no correction."""
 
     @field_validator("microsteps")
     @classmethod

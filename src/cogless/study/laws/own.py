@@ -19,11 +19,12 @@ class OwnLaw(Startable):
     NOT_ON_PAGE: ClassVar[str] = "its law is your own code, which the page doesn't run"
 
     learning: bool = False
-    """True: reports count this law among the learning laws."""
+    """True: reports count this law among the learning laws. False: they count it among the laws without
+    learning."""
     learning_start: StartTime = 0.0  # s
     """Time of the run at which the law's input `learn` becomes true."""
     position: bool = False
-    """True: this law controls the position, not the speed, so the angle error is recorded."""
+    """True: this law controls the position, so the angle error is recorded. False: it controls the speed."""
 
     @property
     def learns(self) -> bool:
@@ -59,9 +60,11 @@ class PythonLaw(OwnLaw):
     object: Annotated[
         str, Field(pattern=r"^.+\.py:\w+$", examples=['"my_law.py:MyLaw"']), FileName(with_name=True)
     ]
-    """Python file, relative to the study, and class of the law, such as `my_law.py:MyLaw`."""
+    """Python file and class of the law, such as `my_law.py:MyLaw`. The path of the file is relative to the
+    study."""
     params: dict[str, Any] = Field(default={})
-    """Keyword arguments of the class. A number with a unit is converted to SI."""
+    """Keyword arguments with which cogless makes an object of the class. A number with a unit is converted to
+    SI."""
 
     @property
     def code(self) -> str:
@@ -87,9 +90,10 @@ class LibraryLaw(OwnLaw):
     law: Literal["library"]
     """A shared library [of your own](/guide/own-controller.md)."""
     library: File
-    """File of the shared library, relative to the study."""
+    """File of the shared library; its path is relative to the study."""
     params: Many[float | str] = ()
-    """Numbers that the init function of the library receives. A number with a unit is converted to SI."""
+    """Numbers, with or without units, that the init function of the library receives. A number with a unit is
+    converted to SI."""
 
     @field_validator("params")
     @classmethod

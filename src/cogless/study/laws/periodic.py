@@ -51,24 +51,30 @@ class RobustIlc(Learning):
     c: RateGain  # 1/s
     """Slope $c$ of the sliding surface $S$ ([equations](/laws/robust-ilc.md#equations))."""
     g: AccelerationGain  # rad/s^2
-    r"""Gain $g$ of the switching term $g\,\mathrm{sgn}\,S$."""
+    r"""Gain $g$ of the switching term $g\,\mathrm{sgn}\,S$, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     eta: RateGain  # 1/s
-    r"""Gain $\eta$ of the linear term $\eta S$."""
+    r"""Gain $\eta$ of the linear term $\eta S$, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     q: NumberGain
-    r"""Learning rate $q$ of the learned acceleration $\hat f$."""
+    r"""Learning rate $q$ of the learned acceleration $\hat f$
+    ([equations](/laws/robust-ilc.md#equations))."""
     beta_1: AccelerationGain  # rad/s^2
-    r"""Weight $\beta_1$ of $\mathrm{sgn}\,S$ in learning."""
+    r"""Weight $\beta_1$ of $\mathrm{sgn}\,S$ in learning, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     beta_2: RateGain  # 1/s
-    r"""Weight $\beta_2$ of $S$ in learning."""
+    r"""Weight $\beta_2$ of $S$ in learning, with the sliding surface $S$
+    ([equations](/laws/robust-ilc.md#equations))."""
     gamma: RateGainPerTime  # 1/s^2
-    r"""Adaptation rate $\gamma$ of the load estimate $\hat r$."""
+    r"""Adaptation rate $\gamma$ of the load estimate $\hat r$
+    ([equations](/laws/robust-ilc.md#equations))."""
     viscous: RateGain = 0.0  # 1/s
     """Viscous part of the friction that the controller assumes, as deceleration per speed."""
     coulomb: AccelerationGain = 0.0  # rad/s^2
     """Coulomb part of the friction that the controller assumes, as a deceleration."""
     tuning: AutoTuning | None = None
-    """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number that the controller's table leaves
-    out."""
+    """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),

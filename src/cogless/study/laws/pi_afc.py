@@ -25,10 +25,11 @@ class PiAfc(Feedback, LearnsWhileRunning):
     """Orders that the law learns, in waves per mechanical revolution and in rising order, at most 16."""
     gain: SpeedIntegralGain  # A/rad
     """Learning gain $g$ ([equations](/laws/pi-afc.md#equations)): change of a learned coefficient (a current)
-    per time and speed error."""
+    per time and per speed error."""
     lead: StartTime = 0.0  # s
     """Delay from the current to the measured speed. The law attributes the present error to the angle that
-    the rotor had this long ago."""
+    the rotor had this long ago, and corrects the coefficients with the cosine and sine of that angle. The
+    delay is not rounded to samples."""
     omega_min: LawSpeed = 0.01  # rad/s
     """Speed of the reference below which the law does not learn. What it has learned still acts."""
     limit: CurrentBound | None = None  # A

@@ -51,7 +51,7 @@ class Period(Table):
     turns: Whole = 1
     """Numerator of the period's length: the ripple repeats after `turns`/`parts` revolutions."""
     parts: Whole = 1
-    """Denominator of the period's length."""
+    """Denominator of the period's length: the ripple repeats after `turns`/`parts` revolutions."""
 
     @property
     def description(self) -> str:
@@ -68,33 +68,37 @@ class SpaceLearning(LearnsWhileRunning):
     """The memory of a law that learns over the angle."""
 
     learning: bool = True
-    """True: the law learns."""
+    """True: the law learns. False: only its feedback acts."""
     period: Period = Period()
-    """Period after which the ripple repeats."""
+    """Period after which the ripple repeats, as a part or a multiple of a revolution."""
     memory: Literal["map", "delay"] = "map"
     r"""Where the law stores the learned functions $\alpha$, $\beta$ and $h$. `"map"`: in a map over the
-    angle. `"delay"`: in a delay line over time, from which the law reads what it stored the time $P_t$, one
-    period of the ripple, ago."""
+    angle. `"delay"`: in a delay line over time, from which the law reads what it stored the time $P_t$ ago.
+    In this time the angle has risen by one period of the ripple."""
     delay_method: Literal["ode", "inversion"] = "ode"
-    """How the law computes [the delay $P_t$ of the delay line](/laws/space-position.md#space-memory).
-    `"inversion"`: the more exact method. `"ode"`: by the differential equation in Section 5 of [Verrelli
+    r"""How the law computes the delay $P_t$ of the delay line. `"inversion"`, the more exact method: it
+    solves $\theta(t - P_t) = \theta(t) - T$ for $P_t$, with the angle $\theta$ over which the law learns and
+    the period $T$. `"ode"`: by the differential equation in Section 5 of [Verrelli
     2016](/studies/verrelli2016.md)."""
     k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s
-    """Rate at which errors of the delay $P_t$ decay with `delay_method = "ode"`, below the rate `speed_loop`
-    in Hz."""
+    """Rate at which errors of the delay $P_t$ decay with `delay_method = "ode"`. It must be below the rate
+    `speed_loop` in Hz."""
     cells: Cells = 1024
     """With `memory = "map"`: number of entries of the map, at most 65535. With `"delay"`: largest number of
     speed-loop samples that a period may have."""
     q_half_width: Annotated[int, Field(ge=0)] = 5
-    """Half width of the [Q filter](/theory/learning-in-angle.md#q-filter): each entry of the map, or each
-    sample of the delay line, is averaged with this many neighbours on each side. 0: no Q filter."""
+    """Half width of the [Q filter](/theory/learning-in-angle.md#q-filter), which averages each entry of the
+    map, or each sample of the delay line, with this many neighbours on each side. 0: no Q filter."""
     # learning gains of alpha, beta and h; rad in their units refers to the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
-    r"""Learning gain of $\alpha$, the learned current that depends only on the angle. 0: not learned."""
+    r"""Learning gain of $\alpha$, the learned current that depends only on the angle. 0: $\alpha$ is not
+    learned."""
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
-    r"""Learning gain of $\beta$. The learned current contains $\beta$ times the speed. 0: not learned."""
+    r"""Learning gain of $\beta$. The learned current contains $\beta$ times the speed. 0: $\beta$ is not
+    learned."""
     mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
-    """Learning gain of $h$. The learned current contains $h$ times the acceleration. 0: not learned."""
+    """Learning gain of $h$. The learned current contains $h$ times the acceleration. 0: $h$ is not
+    learned."""
     alpha_limit: CurrentBound | None = None  # A
     r"""Largest magnitude of the learned function $\alpha$, a current. Default: `current_limit` of the
     drive."""
@@ -274,14 +278,15 @@ class SpacePosition(SpaceLearning):
     law: Literal["space-position"]
     """Position control that learns over the angle."""
     frame: Literal["electrical", "mechanical"] = "electrical"
-    """Angles and speeds to which the gains apply. `mechanical`: those of the rotor. `electrical`: these times
-    the pole pairs."""
+    """Angles and speeds to which the gains of the law apply. `mechanical`: those of the rotor. `electrical`:
+    those of the rotor times the pole pairs."""
     k_theta: RateGain | None = None  # 1/s
     """Position gain: speed per angle error. Give `k_theta` and `k_omega`, or `tuning`."""
     k_omega: SpeedGain | None = None  # A*s/rad
-    """Speed gain: current per speed error."""
+    """Speed gain: current per speed error. Give `k_theta` and `k_omega`, or `tuning`."""
     k_i: SpeedIntegralGain = 0.0  # A/rad
-    """Integral gain: current per integral of the speed error plus `k_theta` times the angle error."""
+    """Integral gain: current per integral of a sum, namely the speed error plus `k_theta` times the angle
+    error."""
     tuning: Tuning | None = None
     """[Rule](/theory/learning-in-angle.md#a-fair-pi) that computes `k_theta`, `k_omega` and `k_i`."""
     k_v: SpeedIntegralGain = 0.0  # A/rad
@@ -290,11 +295,14 @@ class SpacePosition(SpaceLearning):
     r"""Constant part $v_0$ of the additional speed gain $v = v_0 + v_2\,\omega^2$ at the speed $\omega$
     ([equations](/laws/space-position.md#equations))."""
     v_2: Annotated[float, Quantity(units.CUBIC_SPEED_GAIN, ">=", bare=True)] = 0.0  # A*s^3/rad^3
-    r"""Factor $v_2$ in the additional speed gain $v = v_0 + v_2\,\omega^2$."""
+    r"""Factor $v_2$ in the additional speed gain $v = v_0 + v_2\,\omega^2$ at the speed $\omega$
+    ([equations](/laws/space-position.md#equations))."""
     hand_over: bool = True
-    """True: the integral of the feedback fades out while learning fades in."""
+    """True: the integral of the feedback fades out while learning fades in. False: the integral keeps
+    acting."""
     ramp: StartTime = 1.0  # s
-    """Time from `learning_start` on in which learning fades in."""
+    """Time from `learning_start` on in which learning fades in and, with `hand_over`, the integral of the
+    feedback fades out."""
     index: Literal["reference", "rotor"] = "reference"
     """Angle over which the law stores what it learns: the angle of the `reference` or the measured angle of
     the `rotor`."""
@@ -343,8 +351,8 @@ class SpaceSpeed(SpaceLearning):
     eta_bar: LawSpeed  # rad/s
     """Speed error above which the law does not learn."""
     tuning: AutoTuning | None = None
-    """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number that the controller's table leaves
-    out."""
+    """`{ rule = "auto" }`: [a rule](/laws/auto.md) computes each number of the law that the controller's
+    table leaves out. Default: no rule."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"k": 0.0, "eta_bar": 1.0, **MECHANICAL}
 

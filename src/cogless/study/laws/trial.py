@@ -23,14 +23,14 @@ class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
-    """Frequency at which both passes of the filter together have the gain one half. It must be below half the
-    sampling rate."""
+    """Frequency at which the forward and the backward pass of the filter together have the gain one half. It
+    must be below half the sampling rate."""
     order: Annotated[int, Field(ge=1, le=4)] = 2
     """Order of the Butterworth filter, which runs once in each direction."""
     ends: Ends = "even"
-    """How the filter continues the signal beyond both ends of the trial. `even`: mirrored in time. `odd`, as
-    in SciPy's filtfilt: also mirrored about the value at the end. This keeps a slope at the ends, but
-    amplifies noise there."""
+    """How the filter continues the signal beyond both ends of the trial. `even`: mirrored in time; the filter
+    then never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: also mirrored about the value at
+    the end. This keeps a slope at the ends, but amplifies noise there."""
 
 
 class QFilter(SignalFilter):
@@ -94,12 +94,13 @@ class FilteredLaw(TrialLaw):
 
     q_filter: QFilter | Literal["auto", "none"] | None = None
     """Filter that acts between two trials. `"auto"`: [the design
-    chooses](/theory/trial-design.md#shift-and-filter-together) the filter. Default of `trial-ilc`: `"auto"`;
-    but no filter if you give a number for `shift`, or `K_3` without `shift`. Default of `state-ilc`: no
-    filter."""
+    chooses](/theory/trial-design.md#shift-and-filter-together) the filter. `"none"`: no filter. Default of
+    `trial-ilc`: `"auto"`; but no filter if you give a number for `shift`, or `K_3` without `shift`. Default
+    of `state-ilc`: no filter."""
     shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
-    """Number of samples by which the error lies after the learned signal $v$ that it corrects. Default:
-    `"auto"` if the filter is `"auto"`, otherwise [the relative degree](/theory/trial-design.md)."""
+    """Number of samples by which the error lies after the learned signal $v$ that it corrects: sample $p$ of
+    $v$ learns from the error at $p$ + `shift`. A loop with more lag needs a larger shift. Default: `"auto"`
+    if the filter is `"auto"`, otherwise [the relative degree](/theory/trial-design.md)."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -127,18 +128,18 @@ class TrialIlc(FilteredLaw):
     law: Literal["trial-ilc"]
     """State feedback with integral action, feedforward and learning from trial to trial."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where the learned signal $v$ is added: to the input and to the integrator of the feedback, or only to
-    the input. The integrator then [works against what is
+    """Where the learned signal $v$ is added. `"input-and-integrator"`: to the input and to the integrator of
+    the feedback. `"input"`: only to the input; the integrator then [works against what is
     learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
     """True: the feedback has an integrator of the error."""
     learning: bool = True
-    """True: the law learns."""
+    """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
-    """True: the law has a [feedforward](/theory/trial-design.md#feedforward) of the reference."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference."""
     K_s: Many[float] | None = None
-    """Gains of the state feedback: one for each state, then one for the integrator. Default: the design
-    computes them."""
+    """Gains of the state feedback: one for each state, then one for the integrator. `cogless design`
+    certifies given gains. Default: the design computes the gains."""
     N: float | None = None
     """[Gain](/theory/trial-design.md#feedforward) from the learned signal to the input. Default: the design
     computes it."""
@@ -208,12 +209,12 @@ class NormOptimalIlc(TrialLaw):
     law: Literal["norm-optimal"]
     """Norm-optimal learning: a matrix computes the correction from the error of the whole trial."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where the learned signal $v$ is added: to the input and to the integrator of the feedback, or only to
-    the input."""
+    """Where the learned signal $v$ is added. `"input-and-integrator"`: to the input and to the integrator of
+    the feedback. `"input"`: only to the input."""
     integral: bool = True
     """True: the feedback has an integrator of the error."""
     feedforward: bool = True
-    """True: the law has a [feedforward](/theory/trial-design.md#feedforward) of the reference."""
+    """True: the law has a [dynamic feedforward](/theory/trial-design.md#feedforward) of the reference."""
     K_s: Many[float] | None = None
     """Gains of the state feedback: one for each state, then one for the integrator. Default: the design
     computes them."""
@@ -223,11 +224,12 @@ class NormOptimalIlc(TrialLaw):
     q_filter: SignalFilter | None = (
         None  # on the learned signal: a weight of the signal itself over frequency
     )
-    """Filter $Q$ on the learned signal $v$. Above its cut-off, the law forgets what it has learned
+    r"""Filter $Q$ on the learned signal $v$, so that $v \leftarrow Q\,(v + L e)$ with the error $e$ and the
+    learning matrix $L$. Above its cut-off, the law forgets what it has learned
     ([why](/theory/trial-design.md#a-weight-of-the-signal-itself)). Default: no filter."""
     change_weight: Annotated[float, Field(gt=0)] = 0.01
-    """Weight of the change of the learned signal $v$ from trial to trial, relative to that of the error. With
-    a larger weight the law learns more slowly and tolerates a worse model."""
+    """Weight of the change of the learned signal $v$ from trial to trial, relative to the weight of the
+    error. With a larger weight the law learns more slowly and tolerates a worse model."""
 
     @property
     def design_settings(self) -> dict[str, Any]:
@@ -247,7 +249,7 @@ class ObserverIlc(TrialLaw):
     """Feedback from [an observer, and learning of the missing
     input](/laws/trial.md#learning-the-missing-input)."""
     learning: bool = True
-    """True: the law learns."""
+    """True: the law learns. False: the learned signal $v$ remains zero."""
     feedforward: bool = True
     """True: the law adds the input that the nominal plant needs to follow the reference."""
     pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
@@ -259,8 +261,9 @@ class ObserverIlc(TrialLaw):
     """Cut-off frequency of the filter on the learned signal $v$. Default: [a
     rule](/theory/trial-design.md#learning-the-missing-input) computes it."""
     ends: Ends = "even"
-    """How the filter continues the learned signal beyond both ends of the trial. `even`: mirrored in time.
-    `odd`: also mirrored about the value at the end, which amplifies noise there."""
+    """How the filter continues the learned signal beyond both ends of the trial. `even`: mirrored in time;
+    the filter then never raises the RMS of the signal. `odd`, as in SciPy's filtfilt: also mirrored about the
+    value at the end. This keeps a slope at the ends, but amplifies noise there."""
 
     TRIAL_RULE_KEYS: ClassVar[tuple[str, ...]] = ("cutoff", "pole")
 
@@ -309,32 +312,35 @@ class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
     discretisation: Literal["euler", "exact"] | None = None
-    """How the design converts continuous models to sampled ones: `exact` with a zero-order hold, or by
-    `euler`. Default ([why](/theory/trial-design.md#the-plant-as-a-polytope)): `euler` for the inequalities
-    that give the gains, `exact` for the feedforward."""
+    """How the design converts continuous models to sampled ones. `exact`: with a zero-order hold. `euler`: by
+    Euler's method. Default ([why](/theory/trial-design.md#the-plant-as-a-polytope)): `euler` for the
+    inequalities that give the gains, `exact` for the feedforward."""
     sensor: bool = True
-    """True: what `cogless design` proves and predicts takes latency, speed method and steps of the sensor,
-    and the delay of a bus into account ([how](/theory/trial-design.md#the-sensor)). False: an ideal sensor is
-    assumed, but the predicted errors still include the steps."""
+    """True: what `cogless design` proves and predicts takes the real sensor into account: its latency, speed
+    method and steps, and the delay of a bus ([how](/theory/trial-design.md#the-sensor)). So does the rule of
+    `observer-ilc`. False: all this assumes an ideal sensor, but the predicted errors still include the
+    steps."""
     state_weight: Weight
     """Weight $Q$ of [the cost (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost), a positive
-    definite matrix, given by its diagonal or by its rows. The last entry is for the integrator; without it,
-    laws must have `integral = false`."""
+    definite matrix, given by its diagonal or by its rows. The last entry is for the integrator. Without this
+    entry, every `trial-ilc` and `norm-optimal` must have `integral = false`."""
     input_weight: Annotated[float, Field(gt=0)]
     """Weight $R$ of the input in [the cost
     (8)](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost)."""
     initial_state: Many[float]
     r"""State $\gamma$ from which a trial starts in [the
-    cost](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost): one number for each state, and one
-    for the integrator if `state_weight` has it."""
+    cost](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost) that the design minimises: one number
+    for each state, and one for the integrator if `state_weight` has it."""
     initial_change: Many[float] | None = None
-    """Change of the initial state from one trial to the next, for which the design chooses [the learning
-    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: $f$ in (31) of Mandra 2019.
-    Default: `initial_state`. If all trials start alike, give zeros: the design then minimises the [factor per
+    """Change of the initial state from one trial to the next: as many numbers as in `initial_state`. For this
+    change, $f$ in (31) of Mandra 2019, the design chooses [the learning
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$. Default: `initial_state`. If all
+    trials start alike, even with an offset, give zeros: the design then minimises the [factor per
     trial](/theory/trial-design.md#the-certificate) at the worst frequency."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
     """Error of the first trial, for which the design chooses [the learning
-    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: $g$ in (31) of Mandra 2019."""
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the number $g$ of (31) in Mandra
+    2019."""
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
     """Ranges of the drive's uncertain parameters, `[smallest, largest]` by dotted key. Possible keys are
     `"mechanics.inertia"`, `"mechanics.viscous_friction"` and `"motor.K_t"`."""
