@@ -368,8 +368,8 @@ def test_ripple_is_that_of_orders_and_of_counts(monkeypatch: pytest.MonkeyPatch)
         periods_per_second=4.0,
     )
     monkeypatch.setattr(module, "orders", lambda *_: (np.array([3, 5]), np.array([2.0, 1.0])))
-    answer = {"before": np.array([3.0, 4.0j]), "after": np.array([1.0, 2.0])}
-    monkeypatch.setattr(module, "responses", lambda plant, feedback, f: (answer[feedback], None))
+    answer = {"before": np.array([3.0, 4.0]), "after": np.array([1.0, 2.0])}
+    monkeypatch.setattr(module, "disturbed", lambda plant, feedback, f: answer[feedback])
     before, after = (6.0**2 + 4.0**2) / 2, ((2.0 * 0.5) ** 2 + (2.0 * 2) ** 2) / 2
     asked: list[float] = []
 

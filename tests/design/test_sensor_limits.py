@@ -59,7 +59,7 @@ def ratio(study: Study) -> float:
 @pytest.mark.parametrize(
     ("motor", "drive", "encoder", "numbers", "begins", "helps"),
     [
-        ("nema17", "stepper", "as5600", {}, "not worth it: at 50 rpm learning leaves 14.7 rpm", False),
+        ("nema17", "stepper", "as5600", {}, "not worth it: at 50 rpm learning leaves 14.8 rpm", False),
         ("nema17", "stepper", "as5600", {"speed": 150}, "not worth it: at 150 rpm", False),
         ("nema17", "stepper", "absolute", {"bits": 18}, "yes, orders 50, 100, ..., 1200, in about ", True),
         ("hub", "generic", "incremental", {"cpr": 4096}, "not worth it: at 10 rpm", False),

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear
-from cogless.design.learning_loop import LearningLoop, plants, sensitivity
+from cogless.design.learning_loop import FREQUENCY_LEAST, LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import SpeedLoop, counting_window, observed
 from cogless.study import Study, for_scenario
@@ -202,7 +202,7 @@ def disturbed(plant: SpeedLoop, feedback: Linear, f: Real) -> Real:
     the full response, and the motion at the slower frequency.
     """
     seen = seen_as(f, plant.period)
-    _, S = responses(plant, feedback, seen)
+    _, S = responses(plant, feedback, np.maximum(seen, FREQUENCY_LEAST))  # an integral has a pole at 0
     measured = 1.0 if plant.measures_speed else seen / f  # speed at the slower frequency / true speed
     factors = np.where(seen < f, np.hypot(1, np.abs(1 - S) * measured), np.abs(S))
     return np.asarray(np.abs(plant.driven(math.tau * f)) * factors)
