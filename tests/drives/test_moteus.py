@@ -98,10 +98,10 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
 
 def ripples_in(out: str) -> dict[int, list[float]]:
     """What `cogless table` predicts, r/min rms by r/min: without the table, with it, 30 %, -30 %."""
-    lines = [line for line in out.splitlines() if line.startswith("Ripple at ")]
+    lines = [line for line in out.splitlines() if line.startswith("Predicted ripple at ")]
     number = r"[\d.]+(?:e-?\d+)?"
     pattern = (
-        rf"at (\d+) r/min: ({number}) .* ({number}) with it, ({number}) with 30 .*, ({number}) with "
+        rf"at (\d+) rpm: ({number}) .* ({number}) with it\. .*: ({number}) with 30 .*, ({number}) with "
         "-30"
     )
     matches = [re.search(pattern, line) for line in lines]
