@@ -584,8 +584,7 @@ FILTERED = "with the filter on the learned signal"
         (30.0, "signal", 0.95, None, f"{FASTEST} 0.95 {FILTERED}"),
         (30.0, "signal", 0.951, None, None),
         (30.0, "signal", 0.8, (0.9, 4, 0.5),
-            f"{FASTEST} 0.8 {FILTERED}, and near the trial's beginning or end by 0.9; shift = 4 would lower "
-            f"this to 0.5"),
+            f"{FASTEST} 0.8 {FILTERED}, and near the trial's beginning or end by 0.9; shift = 4 gives 0.5"),
     ],
 )  # fmt: skip
 def test_a_gain_by_frequency_says_how_fast_it_is(

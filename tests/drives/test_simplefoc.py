@@ -208,7 +208,8 @@ def test_what_the_library_prints_at_its_start_is_left_out(
     log.write_text("\n".join(volts) + "\n")
     code, _, err = cogless(capsys, "identify", log, "--drive-config", config, "-o", tmp_path / "out")
     assert (code, err.count("\n")) == (2, 1)
-    assert "expected 10 mA or more; without motor.monitor_variables the monitor prints target, Uq (V)" in err
+    assert "expected 10 mA or more. Perhaps it is no current: without motor.monitor_variables the" in err
+    assert " prints target, Uq (V)" in err
 
 
 def test_a_column_of_microseconds_is_the_time(

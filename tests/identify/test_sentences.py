@@ -651,8 +651,8 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
     poor = log(omega=1.0)
     assert diagnosis._without([whole, log("off", "bridge-off", theta=0.0), log("c", "coast-down")]) == []
     assert diagnosis._without([poor]) == [
-        "one.csv: no angle: orders are from the integral of the speed, and have no place on the rotor; "
-        "record the encoder's angle as theta.",
+        "one.csv: no angle: the angle is the speed's integral, so the phase of an order on the rotor is "
+        "unknown; record the encoder's angle as theta.",
         "one.csv: no current: the log shows how an order changes with the speed, but not which cause the "
         "order "
         "has; record i_q.",

@@ -193,9 +193,8 @@ def _without(logs: Sequence[Log]) -> list[str]:
         if "theta" not in log and "omega" in log:
             remarks.append(
                 Advice(
-                    f"{log.name}: no angle: orders are from the integral of the speed, and have no place on "
-                    "the "
-                    "rotor; record the encoder's angle as theta.",
+                    f"{log.name}: no angle: the angle is the speed's integral, so the phase of an order on "
+                    "the rotor is unknown; record the encoder's angle as theta.",
                     recording(signal="theta", log=log.name),
                 )
             )

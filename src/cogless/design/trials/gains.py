@@ -659,8 +659,7 @@ def _by_frequency(
     if better is None:
         return K_3, Remark(note)
     now, other, then = better
-    note += f", and near the trial's beginning or end by {now:.2g}; shift = {other} would lower this to "
-    f"{then:.2g}"
+    note += f", and near the trial's beginning or end by {now:.2g}; shift = {other} gives {then:.2g}"
     return K_3, Remark(note, ({"shift": other},))
 
 
