@@ -179,9 +179,7 @@ def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None
     found = learned_map.entries(electrical, {**OWN, "units": (4,), "values": np.zeros((1, 192))}, -2.0)
     np.testing.assert_allclose(found[0], -2.0 * np.cos(3 * 2 * np.pi / 192 * np.arange(192)), atol=1e-6)
     short = {**OWN, "parts": 3}
-    with pytest.raises(
-        MapError, match="a map over a revolution: expected a period that fits into the law's, 1/3"
-    ):
+    with pytest.raises(MapError, match="a map over a revolution: expected one over the law's period, 1/3"):
         learned_map.entries(stored(WAVE), short, 1.0)
     with pytest.raises(MapError, match="a map over 1/2 of a revolution: expected"):
         learned_map.entries(replace(electrical, parts=2), short, 1.0)
