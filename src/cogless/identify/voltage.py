@@ -229,9 +229,9 @@ def _of_r(identification: Identification, measured: Value) -> list[str]:
     return [
         Advice(
             f"From the logged voltage, R is {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times "
-            f"that in {identification.described_in} ({described:.3g}). Either i_q is in rms amperes, and all torques "
-            f"are sqrt(2) times too small, or the winding is {TEMPERATURE_RISE:.0f} K warmer; record i_a and "
-            "i_b to decide this.",
+            f"that in {identification.described_in} ({described:.3g}). Either i_q is in rms amperes, and all "
+            f"torques are sqrt(2) times too small, or the winding is {TEMPERATURE_RISE:.0f} K warmer; record "
+            "i_a and i_b to decide this.",
             recording(signal="i_a"),
         )
     ]
