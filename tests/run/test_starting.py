@@ -288,7 +288,7 @@ def test_the_entries_are_the_tables_at_the_cells_angles(tmp_path: Path) -> None:
     found = start_of(tmp_path, "electrical", 'sign = "cogging", frame = "electrical"')
     np.testing.assert_allclose(found["values"][0], -np.cos(2 * np.pi / 128 * np.arange(128)), atol=1e-6)
     with pytest.raises(
-        StudyError, match=r'start\.table: "table\.csv": a map over a revolution: expected a period'
+        StudyError, match=r'start\.table: "table\.csv": a map over a revolution: expected one over the law'
     ):
         start_of(tmp_path, "electrical", 'sign = "cogging"')
 
