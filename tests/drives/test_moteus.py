@@ -255,7 +255,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
             place,
             "--drive-config",
             dump,
-        ): f"{place}: expected one log of channel servo_stats from the same time, not none; or",
+        ): f"{place}: expected one log of channel servo_stats from the same time (found: none), or",
         (other,): f"{other}: its first lines fit no known drive: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
         (
@@ -322,7 +322,8 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
     more = tview_csv(runs(1)["slow"], tmp_path, "slow") + tview_csv(runs(1)["fast"], tmp_path, "fast")
     assert len(moteus.read_logs(more, dump).recordings) == 2
     with pytest.raises(
-        StudyError, match=r"b.csv: .* servo_stats from the same time, not a.csv, slow_1_\S+, fast_1_\S+; "
+        StudyError,
+        match=r"b.csv: .* servo_stats from the same time \(found: a.csv, slow_1_\S+, fast_1_\S+\), ",
     ):
         moteus.read_logs([*renamed, *more], dump)
     with pytest.raises(

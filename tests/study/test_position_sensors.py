@@ -143,7 +143,7 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
             'the edges: delete latency, or set speed_method = "M"'),
         ({SENSOR: {**WORD, "error": [{"order": 100, "amplitude": "1 deg"}]}},
             'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected waves whose '
-            'order * amplitude add up to less than 1 rad: otherwise the measured angle runs '
+            'products order * amplitude add up to less than 1 rad: otherwise the measured angle runs '
             "backward"),
         ({SENSOR: {**WORD, "error": [{"order": 0, "amplitude": "1 deg"}]}},
             "drive.position_sensor.error.0.order: 0: expected a number of 1 or more"),

@@ -250,7 +250,7 @@ def _predict(
     elif not (source / predicted_ripple.STUDY_NAME).is_file():
         lacking = (
             f"{source} has no {predicted_ripple.STUDY_NAME}, which cogless identify writes if the logs show "
-            "the inertia: expected such a folder"
+            "the inertia: expected a folder that has it"
         )
     elif not frame.gains:
         lacking = (

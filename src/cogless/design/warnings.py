@@ -411,8 +411,7 @@ def _coarse_table(study: Study) -> list[str]:
     needed = 2 * math.ceil(main / (study.motor.pole_pairs if table.frame == "electrical" else 1)) + 1
     return [
         f"motor.cogging_table: {table.points} points show orders up to {highest}, so the cogging's main "
-        f"order, "
-        f"{main}, looks like a lower order: expected {needed} points or more"
+        f"order, {main}, looks like a lower order: expected {needed} points or more"
     ]
 
 

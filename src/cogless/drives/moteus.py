@@ -182,8 +182,8 @@ def _partner(path: Path, position: LogColumns, stats: Mapping[Path, LogColumns])
         return named if named in overlapping else overlapping[0]
     those = ", ".join(other.name for other in overlapping) or "none"
     raise StudyError(
-        f"{path}: expected one log of channel {STATS_CHANNEL} from the same time, not {those}; or give both "
-        f"files the same name, except for {POSITION_CHANNEL} and {STATS_CHANNEL}"
+        f"{path}: expected one log of channel {STATS_CHANNEL} from the same time (found: {those}), or two "
+        f"files with the same name, except for {POSITION_CHANNEL} and {STATS_CHANNEL}"
     )
 
 

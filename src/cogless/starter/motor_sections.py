@@ -172,7 +172,8 @@ def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots:
     other_slots = _alternatives([other for other, _ in others], slots)
     if named.get("slots"):
         return f"guess, as in the shipped study of this motor; {other_slots} is possible, too"
-    return f"guess: {other_slots} is possible, too; with {slots} slots all phases are equal, as in most motors"
+    equal = f"with {slots} slots the phases are equal, as in most motors"
+    return f"guess: {other_slots} is possible, too; {equal}"
 
 
 def _alternatives(numbers: list[int], chosen: int) -> str:

@@ -544,8 +544,7 @@ def _choice_note(bench: Bench, choice: Choice) -> Remark:
     return Remark(
         f"the design chose shift = {choice.shift}, {passes} and K_3 together. After {JUDGED_TRIALS} trials, "
         f"at the worst corner of the parameters' ranges, {100 * bench.share_left(choice):.2g} % of the "
-        f"error is "
-        "left that a load step causes"
+        "error is left that a load step causes"
     )
 
 

@@ -99,7 +99,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         return [corners[k] for k in hull.corner_indices], True, ""
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
-    outside = f"by up to {100 * hull.outside:.2g} % of its size"
+    outside = f"by up to {100 * hull.outside:.2g} % of the hull's size"
     note = f"some plants of the set (23) of Mandra 2019 are outside the hull of its corners, {outside}"
     return widened, False, f"{note}: the design uses a bounding polytope of {len(widened)} vertices"
 

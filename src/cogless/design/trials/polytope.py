@@ -478,7 +478,7 @@ def _plant(
             labels = [f"vertex {k + 1} of the bounding polytope" for k in range(len(designs))]
             note = (
                 f"some {set_} are outside the hull of the corners, by up to {100 * hull.outside:.2g} % of "
-                f"its size: the design uses a bounding polytope of {len(designs)} vertices"
+                f"the hull's size: the design uses a bounding polytope of {len(designs)} vertices"
             )
     return UncertainPlant(
         C=output,

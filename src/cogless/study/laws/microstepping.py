@@ -92,7 +92,8 @@ class AngleCorrection(Table):
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
                 expected = (
-                    f"expected waves whose order * magnitude add up to less than 1 rad, not {slope:.3g} rad"
+                    f"expected waves whose products order * magnitude add up to less than 1 rad, not "
+                    f"{slope:.3g} rad"
                 )
                 raise invalid(f"{expected}: otherwise the command turns back", key or direction)
 
