@@ -423,15 +423,13 @@ def _orders_of_other_slots(study: Study) -> list[str]:
     if ("motor", "cogging") in changes:
         return []
     slots, poles = motor.slots, 2 * motor.pole_pairs
-    common = math.gcd(slots, poles)
-    other = sorted({wave.order for wave in motor.cogging if wave.torque and wave.order % common})
+    orders, shared = (wave.order for wave in motor.cogging if wave.torque), math.gcd(slots, poles)
+    other = sorted({order for order in orders if order % shared})
     if not other:
         return []
-    several = len(other) > 1
-    belong = "belong" if several else "belongs"
-    orders = f"order{'s' * several} {', '.join(map(str, other))} {belong} to other slots"
+    named = f"order {other[0]} belongs" if len(other) == 1 else f"orders {', '.join(map(str, other))} belong"
     main = f"the main order of {slots} slots with {poles} poles is {math.lcm(slots, poles)}"
-    return [f"motor.slots was changed, but motor.cogging was not: {orders}; {main}"]
+    return [f"motor.slots was changed, but motor.cogging was not: {named} to other slots; {main}"]
 
 
 def shaft_notes(study: Study) -> list[str]:
