@@ -350,7 +350,7 @@ CASES: dict[str, list[Case]] = {
         ),
     ],
     "design.warnings.reads_zero": [
-        Case(MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "samples read 0", name)
+        Case(MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "speed samples are 0", name)
         for name in ("pi", "harmonic")
     ] + [
         Case(MY_MOTOR, {**NONE, **encoder(speed_method="average", window=2),
@@ -447,7 +447,7 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.laws.harmonic._no_room": [
         Case(MY_MOTOR, {**NONE, "drive.position_sensor.eccentricity": "0.3 deg",
-                        "controller.harmonic.base": 2}, "is too low to learn", "harmonic"),
+                        "controller.harmonic.base": 2}, "too close together to learn", "harmonic"),
     ],
     "design.current_needed.too_much_current": [
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "0.05 A"}, "current_limit", "harmonic",
@@ -485,7 +485,7 @@ CASES: dict[str, list[Case]] = {
         trials({"controller.ilc.shift": 1}, "low-pass filter", study=ZERO, left=0.2),
     ],
     "design.trials.from_study._better_sampled": [
-        trials({}, "the loop is stable along the trial with", study=SHAFT, cures=2, measure=trial, left=0.1),
+        trials({}, "within a trial the loop is stable with", study=SHAFT, cures=2, measure=trial, left=0.1),
     ],
 }  # fmt: skip
 

@@ -102,7 +102,7 @@ def test_a_study_without_metrics_is_told_one_to_paste(
     only = ("--only", f"{first}/{name}", "-o", tmp_path / "out")
     code, out, _ = cogless(capsys, "run", path, *only)
     pasted = out[out.index("[[metric]]") : out.index("Report: ")]
-    assert code == 0 and f"such as this one in {path}:\n\n[[metric]]" in out
+    assert code == 0 and f"add a metric to {path}, such as:\n\n[[metric]]" in out
     path.write_text(f"{path.read_text()}\n{pasted}")
     code, out, _ = cogless(capsys, "run", path, *only)
     assert code == 0 and load(path).metric[0].name in out and "No metric." not in out

@@ -49,7 +49,7 @@ def no_device(path: Path) -> None:
 def no_link(path: Path) -> None:
     """Raise OSError if a path is a symbolic link: in a folder from elsewhere it may lead anywhere."""
     if path.is_symlink():
-        raise OSError(errno.ELOOP, "a link", str(path))
+        raise OSError(errno.ELOOP, "a symbolic link, which may lead anywhere", str(path))
 
 
 @contextmanager

@@ -118,9 +118,10 @@ def test_learning_is_doubted_where_the_back_emf_outweighs_the_rotor(tmp_path: Pa
     doubt = answer(free, "harmonic", design(free, "harmonic"))
     assert doubt is not None
     assert re.match(
-        r"not sure: at 60 rpm the motor's back-EMF changes the response to a current at order 50 by the "
-        r"factor 0\.\d+; convergence is sure for factors from 0\.5 to 1\.5; runs with several seeds, "
-        r"such as --set seed=1, show whether learning helps\. ",
+        r"not sure: at 60 rpm the motor's back-EMF multiplies the speed's response to a current of order "
+        r"50 by 0\.\d+; learning surely converges only for factors from 0\.5 to 1\.5; runs with several "
+        r"seeds "
+        r"\(--set seed=1, --set seed=2, \.\.\.\) show whether learning helps\. ",
         doubt.words,
     )
     heavy = changed(free, {"mechanics.inertia": "1e-3 kg*m^2"})

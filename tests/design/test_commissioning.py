@@ -74,11 +74,12 @@ def test_the_position_loop_of_a_rule_is_a_quarter_as_fast_as_the_speed_loop(tmp_
         (3.0, K_THETA, None),
         (6.0, K_THETA,
             "its calibration run in scenario low turns too fast to record order 24 (22.9 Hz) well: with the "
-            'table the ripple would be 0.95 times that without; speed = "7.5 rpm" would be enough by '
+            'table the ripple would be 0.95 times as large as without it; speed = "7.5 rpm" would be '
+            'enough by '
             "calculation"),
         (12.0, K_THETA,
-            "its calibration run in scenario low records from 65.4 ms after a reversal on, before the rotor "
-            'has settled: with the table the ripple would be 1.8 times that without; '
+            "its calibration run in scenario low begins to record 65.4 ms after a reversal, when the rotor "
+            "has not settled yet: with the table the ripple would be 1.8 times as large as without it; "
             'speed = "7.5 rpm" would be enough by calculation'),
         (0.7, 2000.0,
             'its calibration run in scenario low is unstable, at 61.1 Hz; position_gain = "18.8 1/s" would '

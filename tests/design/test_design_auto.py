@@ -396,8 +396,8 @@ def test_a_gain_is_halved_nine_times_with_what_is_set_by_hand_and_without(
         tried = [(gain, fixed) for fixed in ([by_hand] if by_hand else []) for gain in halved]
         assert asked == [*tried, *((gain, {}) for gain in halved)]
     assert str(error.value) == (
-        "s.toml: controller.x.tuning: expected a loop in which learning settles with some gain: here it "
-        "settles with none"
+        "s.toml: controller.x.tuning: learning settles with no gain that this rule tried: expected another "
+        "loop, such as one with less delay"
     )
 
 

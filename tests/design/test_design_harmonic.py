@@ -236,8 +236,9 @@ def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
     assert (
-        "at 15 rpm orders up to 432 begin to learn at a rate of 4.34 1/s. They settle together at rates "
-        "below 10.3 1/s, and converge if K_t/J is 50 % off (Re Gamma 0.66" in made.in_words()
+        "at 15 rpm orders up to 432, with a learning rate of 4.34 1/s at first. Together they settle with "
+        "rates "
+        "below 10.3 1/s. If K_t/J is 50 % wrong, they still converge (least Re Gamma: 0.66" in made.in_words()
     )
     assert certificate(here, "harmonic").fine
     as_json = design_dict(made)
@@ -317,7 +318,12 @@ def test_orders_that_a_soft_shaft_turns_are_held():
     here = load("two-mass-axis", {"controller.harmonic": by_hand})
     made = certificate(here, "harmonic")
     (held,) = {each.held_orders for each in made.speeds}
-    assert held[0] == 60 and held[-1] > 90 and made.fine and "learns no order from 58.7 to" in made.in_words()
+    assert (
+        held[0] == 60
+        and held[-1] > 90
+        and made.fine
+        and "learns no order of a frequency from 58.7 to" in made.in_words()
+    )
     short = {"scenario.motor-sensor.duration": "12 s", "metric": []}
     still = {**by_hand, "learning_start": "1e6 s"}
     left = []

@@ -129,7 +129,8 @@ def printed(changes: dict[str, Any]) -> str:
         (
             LONG_LEAD,
             4.0,
-            "a period at 240 rpm has 1250 samples, of which the lead, 400 samples, is more than a quarter",
+            "a period at 240 rpm has 1250 samples, but the lead has 400: it may have at most a quarter of "
+            "a period",
         ),
     ],
 )
@@ -213,8 +214,8 @@ def test_what_learns_from_the_sign_keeps_an_oscillation_alive_and_is_told(beta_1
     told = known(changed(study, {"controller.robust-ilc.beta_1": beta_1}), "robust-ilc").in_words()
     assert (left[0] > 1.25 * left[1]) == worse
     assert told == (
-        "settles; this is not sure: the switching term beta_1 sgn S keeps up an oscillation at 885 Hz, a "
-        "ripple of 0.33 rev/s rms or more"
+        "settles; this is not sure: the law's switching term, of gain beta_1, may keep alive an "
+        "oscillation at 885 Hz with a ripple of 0.33 rev/s rms or more"
         if worse
         else "settles"
     )
@@ -275,7 +276,8 @@ def test_the_smallest_oscillation_that_switching_makes_grow_is_told(monkeypatch:
     gains = [4 / (math.pi * A * 2**n) for n in range(6)]
     assert gains[3] < 0.28 < gains[2]
     told = (  # A 2^2 / sqrt 2
-        "the switching term beta_1 sgn S keeps up an oscillation at {} Hz, a ripple of 3.2 rad/s rms or more"
+        "the law's switching term, of gain beta_1, may keep alive an oscillation at {} Hz with a ripple of "
+        "3.2 rad/s rms or more"
     )
     assert doubt(law) == told.format(56)
     shaking = type("Shaking", (Switching,), {"swings": Oscillation(87.6, 3.0)})

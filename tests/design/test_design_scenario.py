@@ -152,7 +152,10 @@ def test_too_few_edges_for_the_loop_are_told(rpm: int, method: str, told: bool) 
         assert lines[0].startswith(
             "controller.pi: at 1 rpm a sensor edge comes every 3.7 ms; the loop's crossover is 121 Hz: "
         )
-        assert "of the 60 deg of phase margin; when the rotor stops and goes, the measured" in lines[0]
+        assert (
+            "the phase margin without this lag is 60 deg; when the rotor stops and goes, the measured"
+            in lines[0]
+        )
         assert (
             "drive.position_sensor.lines = 22903 (another sensor) would be enough by calculation" in lines[0]
         )  # 4.7 times the counts, and a fifth more
@@ -184,7 +187,7 @@ def test_a_speed_law_whose_load_is_beyond_eta_bar_may_not_learn(start: str) -> N
     law = {"controller.proven.k": 7.0, "controller.proven.learning_start": start}
     study = load("verrelli2016-speed", {"scenario": {"arm": arm}, **law, "metric": []})
     found = known(study, "proven")
-    assert not found.fine and "more than eta_bar: the law may never learn" in found.in_words()
+    assert not found.fine and "below eta_bar, so it may never learn" in found.in_words()
     trace = simulate(study, "arm", "proven").trace
     learned = float(np.max(np.abs(trace["term_alpha"])))
     assert learned == 0.0 if start == "2 s" else learned > 1.0

@@ -444,9 +444,9 @@ def in_the_way(name: str, controller: str, changes: dict[str, Any]) -> list[str]
              "h_limit is 0.1, less than the bound 0.345"]),
         ("true-period", {"law.k_omega": 60.0, "law.q_half_width": 400}, [FORGETS]),
         ("true-period", {"law.k_omega": 60.0, "law.mu_alpha": 0.0}, ["it does not learn alpha"]),
-        ("true-period", {"law.mu_h": 0.0}, ["the speed varies, and the law has no mu_h"]),
+        ("true-period", {"law.mu_h": 0.0}, ["the speed varies, but mu_h is zero"]),
         ("true-period", {"law.mu_h": 0.0, "law.mu_beta": 0.0},
-            ["the speed varies, and the law has no mu_beta and no mu_h"]),
+            ["the speed varies, but mu_beta and mu_h are zero"]),
         ("true-period", {"law.mu_beta": 0.0, "mechanics.viscous_friction": 0.0}, []),
         ("true-period", {"law.mu_h": 0.0, **STEADY}, []),
         ("true-period", {"law.index": "rotor"}, ["it learns over the rotor's angle"]),
@@ -464,7 +464,7 @@ def test_what_is_in_the_way_of_the_proof_of_law_6_is_said(
 def test_all_that_is_in_the_way_is_said() -> None:
     both = [FOREIGN, FORGETS, "the current loop isn't ideal"]
     assert in_the_way("verrelli2016", "filtered", {}) == both
-    more = ["its integral action stays on", "the speed varies, and the law has no mu_beta and no mu_h"]
+    more = ["its integral action stays on", "the speed varies, but mu_beta and mu_h are zero"]
     assert in_the_way("verrelli2016", "filtered-fair", {}) == [*both, *more]
 
 

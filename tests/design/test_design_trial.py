@@ -201,7 +201,7 @@ def test_two_mass_drive_train() -> None:
     assert error.value.cures == ({"q_filter": "auto", "shift": "auto"},)
     design = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff="auto", shift="auto"))
     cutoff = f"{design.gains.cutoff:.3g} Hz"
-    chosen = f"shift = {design.shift}, a filter of {cutoff} and K_3 are chosen together. "
+    chosen = f"the design chose shift = {design.shift}, a filter of {cutoff} and K_3 together. "
     assert str(design.notes[-1]).startswith(chosen) and str(error.value).endswith(
         f'shift = "auto" would choose a filter of {cutoff} and a shift of {design.shift}'
     )
@@ -250,7 +250,7 @@ def test_zero_outside_the_unit_circle(zero: float, ends: Any, grows: bool) -> No
     assert measured.max() <= 1.02 * part.growth
     if last == 40:  # long enough that only the slowest part is left
         assert measured.max() == pytest.approx(part.growth, rel=0.02)
-    assert any("from the ends of the filter" in str(note) for note in design.notes) == grows
+    assert any("a trial, near the trial's beginning" in str(note) for note in design.notes) == grows
 
 
 def design_errors(design, plant: UncertainPlant, trials: int) -> Real:
@@ -272,7 +272,8 @@ def _holds(errors: Real, norm: float, ends: float = 1e-9) -> None:
     ("changes", "key", "message"),
     [
         ({"samples": 2}, "samples", "samples: 2: expected a trial longer than the relative degree, 2"),
-        ({"samples": 9, "cutoff": 30.0}, "samples", "samples: 9: expected more than 9 for the filter's ends"),
+        ({"samples": 9, "cutoff": 30.0}, "samples", "samples: 9: expected more than 9, by which the filter "
+        "extends the trial at each end"),
         ({"Q": np.eye(4)}, "state_weight", "state_weight: 4 x 4: expected 2 x 2 or 3 x 3"),
         ({"Q": np.eye(2), "gamma": START[:2], "f": START[:2]}, "state_weight",
             "state_weight: expected 3 x 3, with a weight for the integrator"),
@@ -297,7 +298,7 @@ def _holds(errors: Real, norm: float, ends: float = 1e-9) -> None:
         ({"shift": 1}, "shift", "shift: 1: expected 2, the relative degree, or more"),
         ({"shift": 32, "samples": 32}, "shift", "shift: 32: expected less than the 32 samples"),
         ({"samples": 12, "cutoff": 30.0, "filter_order": 3}, "samples",
-            "samples: 12: expected more than 12 for the filter's ends"),
+            "samples: 12: expected more than 12, by which the filter extends the trial at each end"),
         ({"kind": "norm-optimal", "change_weight": float("inf")}, "change_weight",
             "change_weight: inf: expected a number above zero"),
         ({"kind": "norm-optimal", "change_weight": 0.0}, "change_weight",
@@ -371,7 +372,7 @@ def test_a_static_gain_of_the_wrong_sign_is_named(plant: UncertainPlant) -> None
     with pytest.raises(DesignError) as error:
         design_trial(plant, mandra_settings(N=-99.4, feedforward=False, structure="input"))
     assert str(error.value) == (
-        "N: -99.4: expected a number above zero, as the loop's gain at zero frequency is"
+        "N: -99.4: expected a number above zero: N must have the sign of the loop's gain at zero frequency"
     )
 
 
@@ -481,11 +482,12 @@ def part(**more: Any) -> Any:
     ("found", "told"),
     [
         (part(norm=1.25), "1.25 a trial at 12.35 Hz"),
-        (part(norm=1 + 1e-9, growth=1.5), "1.5 a trial, from the ends of the trial"),
-        (part(growth=1.5, with_filter=1), "1.5 a trial, from the ends of the filter"),
-        (part(growth=1 + 0.9e-4), "1.5 a sample, by the largest pole of the matrix Phi, (27) of Mandra 2019"),
-        (part(phi_radius=None), "1 + 0.0e+00 a sample, by the largest pole of the matrix Phi, "
-            "(27) of Mandra 2019"),
+        (part(norm=1 + 1e-9, growth=1.5), "1.5 a trial, near the trial's beginning or end"),
+        (part(growth=1.5, with_filter=1), "1.5 a trial, near the trial's beginning or end"),
+        (part(growth=1 + 0.9e-4), "1.5 a sample: this is the largest pole of trial and learning together, "
+        "of the matrix Phi, (27) of Mandra 2019"),
+        (part(phi_radius=None), "1 + 0.0e+00 a sample: this is the largest pole of trial and learning "
+        "together, of the matrix Phi, (27) of Mandra 2019"),
     ],
 )  # fmt: skip
 def test_what_can_grow_is_told_with_what_prevents_it(
@@ -521,8 +523,18 @@ def test_what_can_grow_is_told_with_what_prevents_it(
 @pytest.mark.parametrize(
     ("N", "kind", "gain", "told"),
     [
-        (2.0, "robust", -1.5, "N: 2: expected a number below zero, as the loop's gain at zero frequency is"),
-        (-2.0, "robust", 1.5, "N: -2: expected a number above zero, as the loop's gain at zero frequency is"),
+        (
+            2.0,
+            "robust",
+            -1.5,
+            "N: 2: expected a number below zero: N must have the sign of the loop's gain at zero frequency",
+        ),
+        (
+            -2.0,
+            "robust",
+            1.5,
+            "N: -2: expected a number above zero: N must have the sign of the loop's gain at zero frequency",
+        ),
         (2.0, "robust", 1.5, None),
         (-2.0, "state", 1.5, None),
         (None, "robust", 1.5, None),
@@ -551,25 +563,28 @@ def test_a_static_gain_points_where_the_loop_does(
     assert str(error.value) == told
 
 
-FASTEST = "K_3 is chosen by frequency, for the smallest factor from one trial's error to the next"
+FASTEST = (
+    "K_3 was chosen by the frequency response. From one trial to the next it multiplies the error, "
+    "at its worst frequency, by"
+)
 
 
 OTHER_SHIFT = "Rule (35) of Mandra 2019 is not used, since it is for a shift of 2"
 
 
-FILTERED = f"{FASTEST} with the filter on the learned signal"
+FILTERED = "with the filter on the learned signal"
 
 
 @pytest.mark.parametrize(
     ("cutoff", "filtered", "worst", "better", "note"),
     [
-        (None, "error", 0.95, None, f"{FASTEST}: 0.95. {OTHER_SHIFT}"),
-        (30.0, "error", 0.8, None, f"{FASTEST}: 0.8. {OTHER_SHIFT}"),
+        (None, "error", 0.95, None, f"{FASTEST} 0.95. {OTHER_SHIFT}"),
+        (30.0, "error", 0.8, None, f"{FASTEST} 0.8. {OTHER_SHIFT}"),
         (None, "error", 0.951, None, None),
-        (30.0, "signal", 0.95, None, f"{FILTERED}: 0.95"),
+        (30.0, "signal", 0.95, None, f"{FASTEST} 0.95 {FILTERED}"),
         (30.0, "signal", 0.951, None, None),
         (30.0, "signal", 0.8, (0.9, 4, 0.5),
-            f"{FILTERED}: 0.8, or 0.9 with the trial's ends, which shift = 4 would reduce to 0.5"),
+            f"{FASTEST} 0.8 {FILTERED}, and near the trial's beginning or end by 0.9; shift = 4 gives 0.5"),
     ],
 )  # fmt: skip
 def test_a_gain_by_frequency_says_how_fast_it_is(

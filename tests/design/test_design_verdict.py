@@ -282,8 +282,7 @@ def test_what_learns_nothing_or_has_a_period_of_nothing_is_said() -> None:
     line = str(warnings(study, "wrong-period")[-1])
     assert line.startswith("its period, 4/5 of a revolution, holds no whole number of waves of order 1")
     assert line.endswith(
-        ": a disturbance that does not repeat in each period is learned only as far as it changes little "
-        "from one period to the next"
+        ": the law learns a disturbance only as far as it changes little from one period to the next"
     )
     assert warnings(study, "true-period") == []
     assert warnings(study, "feedback") == []

@@ -60,9 +60,9 @@ def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
     encoder = {"kind": "encoder", "lines": 2500}
     slow = {"scenario.slow.reference": "11 rpm", "drive.position_sensor": encoder}
     line = (
-        "scenario.slow: at 11 rpm the position sensor gives 0.46 counts per speed sample: most samples read "
-        '0, the others 24 rpm; drive.position_sensor.speed_method = "MT" would time the edges, and leave '
-        "less ripple by calculation"
+        "scenario.slow: at 11 rpm the position sensor gives 0.46 counts per speed sample: most speed "
+        'samples are 0, the others 24 rpm; drive.position_sensor.speed_method = "MT" would time the edges, '
+        "and by calculation leave less ripple"
     )
     assert beyond_drive(my_motor(**slow), ["slow", "slow"]) == [line]
     assert f"{line}." in [str(text) for text in design_table(my_motor(**slow)).renderables]
@@ -106,7 +106,7 @@ def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
     timed = {"drive.position_sensor.speed_method": "MT"}
     study = my_motor(**stars, **counted, **{"mechanics.coulomb_friction": "0 N*m"})
     (remark,) = module.beyond_drive(study, ["slow"])
-    assert str(remark).endswith("most samples read 0, the others 24 rpm") and remark.cures == ()
+    assert str(remark).endswith("most speed samples are 0, the others 24 rpm") and remark.cures == ()
     ripple, off = [], []
     for each in (study, changed(study, timed)):
         trace = simulate(each, "slow", "pi").trace
@@ -136,8 +136,9 @@ def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it()
     off = {"drive.position_sensor.eccentricity": "0.3 deg"}
     assert notes(my_motor(**off), "harmonic") == []  # 6, of itself
     told = (
-        "controller.harmonic: base 2 is too low to learn an error of the position sensor that comes once a "
-        "turn; with controller.harmonic.base = 6 it would learn this"
+        "controller.harmonic: base 2 puts the learned orders too close together to learn an error of the "
+        "position sensor that comes once a "
+        "turn; with controller.harmonic.base = 6 it would learn this error"
     )
     small = my_motor(**off, **{"controller.harmonic.base": 2})
     assert notes(small, "harmonic") == [told] and notes(small, "pi") == []
@@ -149,7 +150,7 @@ def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it()
     assert notes(my_motor(**both, **{"controller.harmonic.base": 4}), "harmonic") != []
     there = {"scenario.slow.override": {"drive.position_sensor.error": [{"order": 2, "amplitude": "1 deg"}]}}
     (of_a_scenario,) = notes(my_motor(**there), "harmonic")
-    assert "comes twice a turn; with controller.harmonic.base = 6 it would learn this" in of_a_scenario
+    assert "comes twice a turn; with controller.harmonic.base = 6 it would learn this error" in of_a_scenario
 
 
 def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):
@@ -160,8 +161,8 @@ def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):
     path.write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
     table = {"file": "cogging.csv", "frame": "mechanical", "sign": "on-rotor"}
     coarse = load(path, {"motor.cogging_table": table})
-    shows = "the cogging's main order, 84, appears as a lower order"
-    told = f"motor.cogging_table: its 100 points show orders up to 49; {shows}"
+    shows = "so the cogging's main order, 84, looks like a lower order: expected 169 points or more"
+    told = f"motor.cogging_table: 100 points show orders up to 49, {shows}"
     assert cogging_notes(coarse) == [told]
     assert f"{told}." in [str(text) for text in design_table(coarse).renderables]
     electrical = load(path, {"motor.cogging_table": table | {"frame": "electrical"}})
@@ -228,8 +229,8 @@ def test_a_soft_shaft_is_told_with_where_it_swings():
     low, high = (math.sqrt(10 * each) / math.tau for each in (1 / 4e-5, 1 / 4e-5 + 1 / own))
     told = (
         f"mechanics.load_side: the soft shaft has an antiresonance at {low:.4g} Hz and a resonance at "
-        f"{high:.4g} Hz; the margins include the shaft{{}}, but the tuning rules take motor and load as one "
-        "mass"
+        f"{high:.4g} Hz; the printed margins include this shaft{{}}. The tuning rules do not: they take "
+        "motor and load as one mass"
     )
     assert shaft_notes(soft) == [told.format(" with its gap closed")]
     assert shaft_notes(changed(soft, {"mechanics.load_side.backlash": "0 deg"})) == [told.format("")]

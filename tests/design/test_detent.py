@@ -165,7 +165,7 @@ def test_a_late_back_emf_stops_a_rotor_that_the_ripple_without_it_would_let_turn
         assert (foreseen(study, "slow") >= STOPPING_RIPPLE) == stops, rpm
     remark = slow_warning(draft_of_a_light_motor(tmp_path, "generic", 30), "pi")
     assert remark is not None and str(remark).endswith(
-        "the rotor stops and snaps; from 46 rpm on the rotor turns"
+        "the rotor stops and snaps; at 46 rpm and above the rotor does not stop"
     )
     cured = changed(draft_of_a_light_motor(tmp_path, "generic", 30), remark.cures[0])
     assert not stopped(cured, "slow")
@@ -272,7 +272,9 @@ def test_no_learning_is_certified_where_the_rotor_snaps(rpm: float) -> None:
     """Before, the design said that learning converges at 30 r/min. The run there ends worse than the PI."""
     study = step_motor(rpm, 0.2)
     words = certificate(study, "harmonic").in_words()
-    assert words.startswith("not judged: at") and "in whose detents the rotor swings at 137 Hz" in words
+    assert (
+        words.startswith("not judged: at") and "in a detent of this order the rotor swings at 137 Hz" in words
+    )
     assert not certificate(study, "harmonic").fine
     found = verdict(study, "pi-ilc")
     assert found is not None and found.kind == "not judged" and not found.fine

@@ -449,29 +449,32 @@ FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None)
 
 def test_a_certificate_in_one_line() -> None:
     assert FINE.in_words() == (
-        "learns orders 2, 4 and 6; at 10 rpm orders up to 6, except 2 orders from 4 to 6, begin to learn at "
-        "a rate of 5 1/s. They settle together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 "
-        "or more; needed: above 0). With one sample of unknown delay orders up to 4 converge; "
+        "learns orders 2, 4 and 6; at 10 rpm orders up to 6, except 2 orders from 4 to 6, with a learning "
+        "rate of 5 1/s at first. Together they settle with any rate. If K_t/J is 50 % wrong, they still "
+        "converge (least Re Gamma: 0.66; must be above 0). If a sample of delay is not in the model, orders "
+        "up to 4 converge; "
         "learns up to 300 rpm"
     )
     both = replace(FINE, speeds=(replace(SLOW, held_orders=()), FAST), straight=50 * RPM)
     held = replace(both, learner=replace(TOLD, held=(0.01, 0.02, 0.1, math.tau / 10)))
     assert held.in_words() == (
-        "learns orders 2, 4 and 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
-        "together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or more; needed: above 0). "
-        "With one sample of unknown delay orders up to 4 converge; at 200 rpm orders up to 4, except 2, "
-        "begin to learn at a rate of 5 1/s. They settle together at rates below 12.3 1/s, and may not all "
-        "converge if K_t/J is 50 % off (Re Gamma -0.10 or more; needed: above 0). With one sample of unknown "
-        "delay orders up to 2 converge; "
-        "learns no order from 1.59 to 3.18 or from 15.9 to 100 Hz; learns up to 300 rpm; "
+        "learns orders 2, 4 and 6; at 10 rpm orders up to 6, with a learning rate of 5 1/s at first. "
+        "Together they settle with any rate. If K_t/J is 50 % wrong, they still converge (least Re Gamma: "
+        "0.66; must be above 0). If a sample of delay is not in the model, orders up to 4 converge; at 200 "
+        "rpm orders up to 4, except 2, with a learning rate of 5 1/s at first. Together they settle with "
+        "rates below 12.3 1/s. If K_t/J is 50 % wrong, they may not all converge (least Re Gamma: -0.10; "
+        "must be above 0). If a sample of delay is not in the model, orders up to 2 converge; "
+        "learns no order of a frequency from 1.59 to 3.18 or from 15.9 to 100 Hz; learns up to 300 rpm; "
         "learns an eccentric sensor's error up to 50 rpm"
     )
     slow = replace(FINE, speeds=(replace(SLOW, held_orders=(), slow=(2, 4), swing=0.64),))
     assert slow.in_words() == (
-        "learns orders 2, 4 and 6; at 10 rpm orders up to 6 begin to learn at a rate of 5 1/s. They settle "
-        "together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.66 or more; needed: above 0). "
-        "With one sample of unknown delay orders up to 4 converge. Orders 2 to 4 are too slow to be judged "
-        "(uncertain: with the feedback alone the speed's ripple is 64 % rms); learns up to 300 rpm"
+        "learns orders 2, 4 and 6; at 10 rpm orders up to 6, with a learning rate of 5 1/s at first. "
+        "Together they settle with any rate. If K_t/J is 50 % wrong, they still converge (least Re Gamma: "
+        "0.66; must be above 0). If a sample of delay is not in the model, orders up to 4 converge. Orders "
+        "2 to 4 are too slow to be judged "
+        "(uncertain, since the model is for small ripple: with the feedback alone the ripple is 64 % of "
+        "the speed, rms); learns up to 300 rpm"
     )
     snaps = replace(SLOW, held_orders=(), slow=(2, 2), snaps="at 10 rpm it snaps")
     assert ". Order 2 is too slow to be judged" in replace(snaps, snaps=None).in_words()
@@ -480,7 +483,8 @@ def test_a_certificate_in_one_line() -> None:
     assert "; not judged: at 10 rpm it snaps; at 200 rpm orders up to 4" in some.in_words() and not some.fine
     assert (
         replace(FINE, speeds=()).in_words()
-        == "not judged: all references are too slow: even the phase of order 6 turns by less than 0.001 rad "
+        == "not judged: all references are too slow, since even a wave of order 6 advances by less than "
+        "0.001 rad "
         "a sample"
     )
 

@@ -224,7 +224,8 @@ def test_a_load_at_any_angle_may_keep_space_speed_from_learning(
     monkeypatch.setattr(space, "speed_text", lambda study, speed: f"{speed:g} rad/s")
     assert doubt(3.0) is None and doubt(3.2, None) is None
     assert doubt(3.2) == (
-        "the gain k alone leaves a speed error of up to 1.6 rad/s, more than eta_bar: the law may never learn"
+        "the gain k alone leaves a speed error of up to 1.6 rad/s. The law learns only below eta_bar, so "
+        "it may never learn"
     )
 
 

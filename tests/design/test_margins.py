@@ -170,17 +170,20 @@ def certificate(**changes: object) -> Certificate:
 def test_a_certificate_in_one_line() -> None:
     learner = certificate().learner
     assert certificate().in_words() == (
-        "learns orders 6, 12, ..., 48; at 60 rpm orders up to 42 begin to learn at a rate of 2 1/s. They "
-        "settle together at rates below 5.06 1/s, and converge if K_t/J is 50 % off (Re Gamma 0.39 or more; "
-        "needed: above 0). With one sample of unknown delay orders up to 36 converge; at 600 rpm orders up "
-        "to 12, except 2 orders from 24 to 30, begin to learn at a rate of 7 1/s. They settle together at "
-        "any rate, and converge if K_t/J is 50 % off (Re Gamma 0.50 or more; needed: above 0). With one "
-        "sample of unknown delay orders up to 6 converge; "
+        "learns orders 6, 12, ..., 48; at 60 rpm orders up to 42, with a learning rate of 2 1/s at first. "
+        "Together they settle with rates below 5.06 1/s. If K_t/J is 50 % wrong, they still converge "
+        "(least Re Gamma: 0.39; must be above 0). If a sample of delay is not in the model, orders up to "
+        "36 converge; at 600 rpm orders up "
+        "to 12, except 2 orders from 24 to 30, with a learning rate of 7 1/s at first. Together they settle "
+        "with any rate. If K_t/J is 50 % wrong, they still converge (least Re Gamma: 0.50; must be above "
+        "0). If "
+        "a sample of delay is not in the model, orders up to 6 converge; "
         "learns up to 3000 rpm"
     )
     assert (
         certificate(speeds=()).in_words()
-        == "not judged: all references are too slow: even the phase of order 48 turns by less than 0.001 rad "
+        == "not judged: all references are too slow, since even a wave of order 48 advances by less than "
+        "0.001 rad "
         "a sample"
     )
     one = (
@@ -191,17 +194,19 @@ def test_a_certificate_in_one_line() -> None:
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.in_words() == (
-        "learns orders 6, 12, ..., 48; at 60 rpm orders up to 42, except 24, begin to learn at a rate of 2 "
-        "1/s. "
-        "They settle together at any rate, and converge if K_t/J is 50 % off (Re Gamma 0.39 or more; needed: "
-        "above 0). With one sample of unknown delay orders up to 36 converge; learns no order from 100 to "
+        "learns orders 6, 12, ..., 48; at 60 rpm orders up to 42, except 24, with a learning rate of 2 1/s "
+        "at first. Together they settle with any rate. If K_t/J is 50 % wrong, they still converge (least "
+        "Re Gamma: 0.39; must be above 0). If a sample of delay is not in the model, orders up to 36 "
+        "converge; learns no order of a frequency from 100 to "
         "200 or from 300 to 400 Hz; learns up to 3000 rpm; learns an eccentric sensor's error up to 30 rpm"
     )
     bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held_orders=(), rate=2.0, most=None)
     turned = certificate(speeds=(bad,)).in_words()
-    assert "any rate, and may not all converge if K_t/J is 50 % off (Re Gamma 0.00 or more; " in turned
+    assert "any rate. If K_t/J is 50 % wrong, they may not all converge (least Re Gamma: 0.00; " in turned
     unsure = certificate(speeds=(replace(bad, late=0),)).in_words()
-    assert "With one sample of unknown delay the lowest order may not converge; learns up to" in unsure
+    assert (
+        "If a sample of delay is not in the model, the lowest order may not converge; learns up to" in unsure
+    )
     good = replace(bad, gamma=0.1)
     for speeds, fine in (
         ((good,), True),

@@ -94,8 +94,8 @@ def test_steps_that_beat_with_the_law_are_doubted_and_the_advised_rate_helps(tmp
         r"learns; the feedback alone leaves 2\.\d\d rpm\. The sensor's 4096 steps a "
         r"second, sampled by the law at 4000 Hz, alias to 96 Hz, which the law mistakes for motion; "
         r"drive\.rates\.speed_loop = \"2500 Hz\" would be enough by "
-        r"calculation; runs with several seeds, such as --set seed=1, show whether learning helps\. "
-        r"For small signals the answer is yes, ",
+        r"calculation; runs with several seeds \(--set seed=1, --set seed=2, \.\.\.\) show whether "
+        r"learning helps\. Without this effect the answer is yes, ",
         answer(draft),
     )
     assert ratio(draft) > AS_MUCH

@@ -30,12 +30,14 @@ COUNT = 0.02  # rad
         (4.0, True, FIRM, None),  # 4.5 ms late, 0.45 of the margin
         (2.5, True, FIRM,
             "at 2.5 rad/s a sensor edge comes every 8 ms; the loop's crossover is 15.9 Hz: the "
-            "measured speed is 7.5 ms late, which takes 43 deg of the 57 deg of phase margin"),
+            "measured speed is 7.5 ms late, which is 43 deg of lag at the crossover; the phase margin "
+            "without this lag is 57 deg"),
         (1.0, True, FIRM,
             "at 1 rad/s a sensor edge comes every 20 ms; the loop's crossover is 15.9 Hz: the "
-            "measured speed is 20 ms late, which takes 112 deg of the 57 deg of phase margin; when the rotor "
-            "stops and goes, the measured speed is too high: by 10 % if every other edge takes twice "
-            "as long"),
+            "measured speed is 20 ms late, which is 112 deg of lag at the crossover; the phase margin "
+            "without this lag is 57 deg; when the rotor "
+            "stops and goes, the measured speed is too high: by 10 % if every second interval between "
+            "edges is twice as long"),
         (1.0, False, UNSTABLE, None),
         (1.0, False, Margins(True, math.nan, math.nan, 3.0, 300.0), None),
         (0.0, False, FIRM, None),
@@ -113,8 +115,8 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
     monkeypatch.setattr(warnings, "helping", lambda *_: ())
     found = warnings.reads_zero(study, "s")
     line = (
-        "at 9.8 rad/s the position sensor gives 0.49 counts per speed sample: most samples read 0, the "
-        "others 20 rad/s"
+        "at 9.8 rad/s the position sensor gives 0.49 counts per speed sample: most speed samples are 0, "
+        "the others 20 rad/s"
     )
     assert (None if found is None else str(found)) == (line if told else None)
 

@@ -66,9 +66,9 @@ def test_the_drive_learns_as_the_guide_says() -> None:
 ERRORS = [
     (
         "controller.ilc.q_filter.acts_on=error",
-        "controller.ilc.q_filter: no K_3 makes every error fall from trial to trial: the feedback "
-        "leaves so much lag that the error grows with any gain at frequencies above ... of half "
-        "the sampling rate; expected a zero-phase low-pass filter on the learned signal, and a "
+        "controller.ilc.q_filter: no K_3 makes the error fall at every frequency: above ... times the "
+        "sampling rate it grows with any gain, because the feedback lags too much there; "
+        "expected a zero-phase low-pass filter on the learned signal, and a "
         'shift that suits it; q_filter = "auto" and shift = "auto" would choose a filter of ... Hz and a '
         "shift of ...",
     ),

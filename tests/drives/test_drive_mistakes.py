@@ -113,7 +113,7 @@ def test_firmware_that_takes_no_table_is_one_line(tmp_path: Path) -> None:
 
 def test_a_table_that_was_on_is_one_line(tmp_path: Path) -> None:
     logs, dump = turning(tmp_path, motor__cogging_dq_scale="0.001", motor__cogging_dq_comp__3="9")
-    (line,) = (line for line in read_logs(logs, dump).remarks if "table" in line and "derived" not in line)
+    (line,) = (line for line in read_logs(logs, dump).remarks if "table" in line and "logged" not in line)
     assert line.startswith(f"{dump}: the drive has a cogging table, scale 0.001 A: ")
     assert line.endswith("so a new table replaces the old one.") and "\n" not in line
 

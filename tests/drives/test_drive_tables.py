@@ -93,7 +93,8 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
     [
         (
             ["--from", "csv", "--to", "moteus"],
-            "the rotor angle of the table's first entry is unknown: its angle does not start at ",
+            "the rotor angle of the table's first entry is unknown: SOURCE does not say where its angle is "
+            "zero on ",
         ),
         (
             ["--from", "csv", "--to", "motus"],

@@ -98,10 +98,10 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
 
 def ripples_in(out: str) -> dict[int, list[float]]:
     """What `cogless table` predicts, r/min rms by r/min: without the table, with it, 30 %, -30 %."""
-    lines = [line for line in out.splitlines() if line.startswith("Ripple at ")]
+    lines = [line for line in out.splitlines() if line.startswith("Predicted ripple at ")]
     number = r"[\d.]+(?:e-?\d+)?"
     pattern = (
-        rf"at (\d+) r/min: ({number}) .* ({number}) with it, ({number}) with 30 .*, ({number}) with "
+        rf"at (\d+) rpm: ({number}) .* ({number}) with it\. .*: ({number}) with 30 .*, ({number}) with "
         "-30"
     )
     matches = [re.search(pattern, line) for line in lines]
@@ -255,7 +255,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
             place,
             "--drive-config",
             dump,
-        ): f"{place}: logs of channel servo_stats at the same time: none: expected one",
+        ): f"{place}: expected one log of channel servo_stats from the same time (found: none), or",
         (other,): f"{other}: its first lines fit no known drive: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
         (
@@ -322,10 +322,15 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
     more = tview_csv(runs(1)["slow"], tmp_path, "slow") + tview_csv(runs(1)["fast"], tmp_path, "fast")
     assert len(moteus.read_logs(more, dump).recordings) == 2
     with pytest.raises(
-        StudyError, match=r"b.csv: .* servo_stats at the same time: a.csv, slow_1_\S+, fast_1_\S+: "
+        StudyError,
+        match=r"b.csv: .* servo_stats from the same time \(found: a.csv, slow_1_\S+, fast_1_\S+\), ",
     ):
         moteus.read_logs([*renamed, *more], dump)
-    with pytest.raises(StudyError, match=r"lacks the angle that indexes the cogging table, which other"):
+    with pytest.raises(
+        StudyError,
+        match=r"lacks the angle over which moteus reads its cogging table, "
+        r"which other",
+    ):
         moteus.read_logs(more[:3], dump)
 
 

@@ -89,4 +89,4 @@ def test_raw_counts_that_are_not_the_index_place_no_table(tmp_path: Path) -> Non
     log = stream(DRIVES[1].run([(0.0, 3.0), (0.5, 3.0)]), tmp_path / "0.bin")
     dump = dump_of(DRIVES[1], tmp_path / "dump.cfg", motor_position__sources__0__offset="120")
     frame = moteus.read_logs([log], dump).frame
-    assert not frame.zero and "lacks the angle that indexes the cogging table" in frame.lacking
+    assert not frame.zero and "lacks the angle over which moteus reads its cogging table" in frame.lacking

@@ -52,6 +52,6 @@ def test_two_commands_take_the_ripple_away(
     assert left["true"] < 0.1 * left["none"]
     assert left["mine"] < 1.5 * left["true"], left
     line = out.splitlines()[0]
-    assert line.startswith("Ripple at 30 r/min: ")
+    assert line.startswith("Predicted ripple at 30 rpm: ")
     predicted = float(line.split(": ")[1].split()[0]) / 60 * TURN
     assert predicted == pytest.approx(left["none"], rel=0.1) and math.isfinite(predicted)

@@ -126,8 +126,8 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     assert mine < max(1.5 * exact, 0.05 * none), (none, exact, mine)
     third, wrong = ripple(run(SLOW, lambda a: 0.3 * feed(a))), ripple(run(SLOW, lambda a: -0.3 * feed(a)))
     assert third < 0.85 * none < none < wrong
-    (line,) = (line for line in out.splitlines() if line.startswith("Ripple at 30 r/min: "))
-    predicted = [float(word) for word in re.findall(r"([\d.]+) (?:r/min rms|with )", line)]
+    (line,) = (line for line in out.splitlines() if line.startswith("Predicted ripple at 30 rpm: "))
+    predicted = [float(word) for word in re.findall(r"([\d.]+) (?:rpm rms|with )", line)]
     # The errors of order 12, which makes most of it, are 4 %. At this ripple the rotor almost stops, so that
     # friction makes it 17 % larger forward, where the drive's angle grows, than backward.
     assert [predicted[n] for n in (0, 2, 3)] == pytest.approx(
@@ -208,7 +208,8 @@ def test_what_the_library_prints_at_its_start_is_left_out(
     log.write_text("\n".join(volts) + "\n")
     code, _, err = cogless(capsys, "identify", log, "--drive-config", config, "-o", tmp_path / "out")
     assert (code, err.count("\n")) == (2, 1)
-    assert "expected 10 mA or more; without motor.monitor_variables the monitor prints target, Uq (V)" in err
+    assert "expected 10 mA or more. Perhaps it is no current: without motor.monitor_variables the" in err
+    assert " prints target, Uq (V)" in err
 
 
 def test_a_column_of_microseconds_is_the_time(

@@ -273,7 +273,9 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     laws = {**LAWS, "robust": {"law": "robust-ilc", "tuning": AUTO}}
     plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
     study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
-    assert absent == {"robust": "the arena gives this plant the gains of another feedback than this law's"}
+    assert absent == {
+        "robust": "the arena's gains for this plant are for another kind of feedback than this law's"
+    }
     assert study.controller["bar"].kp == 0.05
     with pytest.raises(
         StudyError, match=r"plant\.drone: expected a law that can use the gains given for this plant$"

@@ -518,7 +518,9 @@ def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
     sweeping.run(planned, tmp_path, Here(), sweeping.Shard(1, 2))
     lines = (tmp_path / "shard-1-of-2.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "shard-1-of-2.jsonl").write_bytes(b"".join(lines[:-1]))
-    with pytest.raises(StudyError, match="1 of 2 chunks: expected a finished shard; the command that began"):
+    with pytest.raises(
+        StudyError, match="1 of 2 chunks: expected a finished shard: repeat the command that began"
+    ):
         sweeping.merge(planned, tmp_path)
 
 
@@ -608,7 +610,11 @@ def test_a_file_of_the_users_is_not_cut(tmp_path: Path) -> None:
     assert path.read_text() == "mine\nwithout an end"
     path.rename(target)
     path.symlink_to(target)
-    with pytest.raises(StudyError, match=r"journal\.jsonl: a link: expected a file that can be written$"):
+    with pytest.raises(
+        StudyError,
+        match=r"journal\.jsonl: a symbolic link, which may lead anywhere: "
+        r"expected a file that can be written$",
+    ):
         sweeping.run(plan(tmp_path), tmp_path, Here())
     assert target.read_text() == "mine\nwithout an end"
 

@@ -351,7 +351,7 @@ def test_a_self_test_without_bounds_and_of_times_without_end(
     periods = {about: periods for about, periods, *_ in plan}
     assert periods["a small error"] + periods["and one the other way"] == STRETCH_PERIODS_MOST + 30
     assert periods["all is well again"] == STRETCH_PERIODS_MOST + 34
-    assert periods["the angle is missing, for as long as is bridged"] == STRETCH_PERIODS_MOST
+    assert periods["the angle is missing, for as long as the controller bridges it"] == STRETCH_PERIODS_MOST
     assert plan[0][4].i_abc == pytest.approx((0.0, 0.9 * sqrt(3) / 2, -0.9 * sqrt(3) / 2))  # 0.3 of the limit
     monitor = {**subject.drive_config["monitor"], "phases": 2}
     of_two = _plan(replace(subject, drive_config={**subject.drive_config, "monitor": monitor}))
@@ -412,7 +412,7 @@ def test_what_a_header_says_of_its_step_and_its_memory(once: tuple[Subject, Path
     assert (f"[{name.upper()}_MEMORY_LENGTH]; /* what is learned */" in header) == (entries > 0)
     memory = f"{entries} numbers, within `{name}_controller`" if entries else "none"
     learning = (
-        "frozen while `reference.learn` is false, and whenever the controller finds a reason"
+        "frozen while `reference.learn` is false, and while a check of the controller stops it"
         if entries
         else "none"
     )

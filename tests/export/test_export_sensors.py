@@ -60,8 +60,8 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], list[str], str]] = [
         f"from Hall sensors{SIMULATED}hall.h{SAYS}{CALLS}"),
     ({"kind": "ideal"}, FILTERED,
         ["1256.637", "cgl_low_pass_init(&speed_filter, &filter_config, 6.666667e-05f)"],
-        f"measured as in the study, by an ideal sensor{LOW_PASS}. The gains and `.speed_window` assume an "
-        "ideal sensor, so the gains allow for no delay of a real sensor"),
+        f"measured as in the study, by an ideal sensor{LOW_PASS}. So the gains and `.speed_window` allow "
+        f"for no delay of a real sensor: to change this, put your sensor into the study and export again"),
 ]  # fmt: skip
 
 

@@ -52,7 +52,8 @@ def changed(subject: Subject, law: str = "pi", foc: dict[str, Any] | None = None
         ("space-speed",
             "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands."),
         ("trial",
-            "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks."),
+            "The motion is given for a whole trial. Set omega_ref [rad/s] to its derivative: the check for "
+            "a stuck angle uses it."),
         ("space-position",
             "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them."),
     ],
@@ -129,9 +130,9 @@ def test_what_must_be_measured_of_two_phases_and_of_three(subject: Subject) -> N
 def test_a_map_is_saved_between_trials_or_while_learning_rests(subject: Subject) -> None:
     assert board(subject)["maps"] == ""
     maps = {law: board(replace(changed(subject, law), map=(3, 360)))["maps"] for law in ("pi-ilc", "trial")}
-    rests = "Set reference.learn = false at least one step of the law before it, and true again afterwards."
+    rests = "set reference.learn = false, wait for a step of the law, save, and set it true again."
     for law, when, motor in (
-        ("pi-ilc", f"From the main loop. {rests}", ".motor."),
+        ("pi-ilc", f"From the main loop: {rests}", ".motor."),
         ("trial", "Between two trials.", ".motor, .motion."),
     ):
         assert f"/* {when} */\ncgl_map_result save_map(void)" in maps[law]

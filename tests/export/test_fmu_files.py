@@ -268,7 +268,9 @@ def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
     }
     what = "input.i_q_ref" if ideal else "the duty inputs"
     of_current = ("input", "real", "A", "q-axis current; counts where external_control is true")
-    open_ = "true: all switches are off and the duties do not count; bit 1024 of a controller's status"
+    open_ = (
+        "true: all switches are off and the duties have no effect; connect bit 1024 of a controller's status"
+    )
     duty = ("input", "real", "1", "duty cycle, 0 to 1")
     own = {"input.i_q_ref": of_current} if ideal else {
         "bridge_open": ("input", "boolean", "", open_), "duty_a": duty, "duty_b": duty

@@ -247,7 +247,7 @@ def test_the_command_in_eighty_columns(tmp_path, monkeypatch):
 
 
 def said_of_k_t(made: Diagnosis) -> str:
-    (said,) = [line for line in made.remarks if line.startswith("By the voltage, K_t is 0.0")]
+    (said,) = [line for line in made.remarks if line.startswith("From the logged voltage, K_t is 0.0")]
     return said
 
 
@@ -287,7 +287,7 @@ def test_the_voltage_tells_a_current_in_rms(tmp_path):
     steady = {name: log for name, log in logs.items() if name != "sweep"}
     rms = {name: {**log, "i_q": log["i_q"] / math.sqrt(2)} for name, log in steady.items()}
     (said,) = [line for line in diagnose(tmp_path, text, rms).remarks if "rms amperes" in line]
-    assert said.startswith("By the voltage, R is 7.")
+    assert said.startswith("From the logged voltage, R is 7.")
     assert said.endswith(
         "ohm, sqrt(2) times that in id.toml (5). Either i_q is in rms amperes, and all torques "
         "are sqrt(2) times too small, or the winding is 105 K warmer; record i_a and i_b to decide this."
@@ -316,7 +316,7 @@ def order_at(order: int, speed: float, *causes: Cause) -> OrderCauses:
 def test_one_frequency_at_two_speeds_may_be_chance_and_at_three_is_mechanics():
     two = [order_at(72, 1.0), order_at(12, 6.0)]
     (said,) = [line for line in speed_alone.sentences(two) if "Hz" in line]
-    assert "cannot be told apart at two speeds; record a third speed" in said
+    assert "which two speeds do not tell; record a third speed" in said
     (said,) = [line for line in speed_alone.sentences([*two, order_at(36, 2.0)]) if "Hz" in line]
     assert "mechanics, which swing at this frequency" in said
 

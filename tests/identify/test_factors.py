@@ -64,7 +64,7 @@ def test_a_log_in_the_right_units_is_told_without_a_word(tmp_path: Path, name: s
     for order, size, _ in plant.cogging:
         (wave,) = [wave for wave in told.cogging if wave.order == order]
         assert abs(wave.size.value * plant.K_t - size) < JOINT_ERROR * wave.size.error * plant.K_t, order
-    words = ("exchanged", "looks", "look ", "by the voltage, ")
+    words = ("exchanged", "looks", "look ", "from the logged voltage, ")
     assert not [line for line in (*told.remarks, *told.left_out) if any(word in line for word in words)]
 
 

@@ -280,14 +280,19 @@ def test_a_log_with_times_of_day_is_that_in_seconds(tmp_path):
         load_logs([path], config.load(tmp_path / "id.toml"))
     (advice,) = caught.value.mistakes
     assert advice == (
-        f"{path}: ms: times of day, which become seconds: expected columns.t without unit, sign or scale"
+        f"{path}: ms: cogless converts times of day to seconds: expected columns.t without unit, sign or "
+        f"scale"
     )
     (tmp_path / "id.toml").write_text(plan.to_toml(changed(tomllib.loads(ID), advice.cures[0])))
     (log,) = load_logs([path], config.load(tmp_path / "id.toml"))
     assert log.dt == pytest.approx(1e-3) and len(log) == 10_000
     assert any("the time begins again 1 times, after 86400 s" in remark for remark in log.remarks)
     path.write_text(path.read_text().replace("ms,counts", "counts,ms"))
-    with pytest.raises(StudyError, match=r"counts: times of day: expected numbers, or columns\.t\.name = "):
+    with pytest.raises(
+        StudyError,
+        match=r"counts: holds times of day: expected numbers, or if this is the "
+        r"time, columns\.t\.name = ",
+    ):
         load_logs([path], config.load(tmp_path / "id.toml"))
 
 
@@ -370,8 +375,8 @@ def test_a_column_that_a_file_lacks_is_told_with_the_nearest_heading(tmp_path, n
     near = {"currents" if key == "current" else key: x for key, x in COLUMNS.items()}
     said, (renamed,) = refused(tmp_path, name, near)
     assert (
-        said
-        == 'no column "current" (i_q, near "currents"): expected in [columns] a heading that this file has'
+        said == 'no column "current" (i_q; similar: "currents"): expected in [columns] a heading that this '
+        "file has"
     )
     assert cured(tmp_path, renamed, name)[0]["i_q"][[0, -1]] == pytest.approx([0.1, -0.1])
 
@@ -381,11 +386,11 @@ def test_a_heading_is_near_but_for_a_unit_spaces_and_capitals_and_if_it_is_no_ot
         said, (cure,) = refused(
             tmp_path, "a.csv", {near if key == "current" else key: x for key, x in COLUMNS.items()}
         )
-        assert said.startswith(f'no column "current" (i_q, near "{near}"): ')
+        assert said.startswith(f'no column "current" (i_q; similar: "{near}"): ')
         assert cure == {"columns.i_q.name": near}
     others = {"ms": COLUMNS["ms"], "count": COLUMNS["counts"], "volts": COLUMNS["current"]}
     said, (cure,) = refused(tmp_path, "a.csv", others)
-    assert said.startswith('no column "counts" (theta, near "count"), "current" (i_q): expected ')
+    assert said.startswith('no column "counts" (theta; similar: "count"), "current" (i_q): expected ')
     assert cure == {"columns.theta.name": "count"}
     said, cures = refused(tmp_path, "a.csv", {"ms": COLUMNS["ms"], "x\x1b[2Jy": COLUMNS["counts"]})
     assert said.startswith('no column "counts" (theta), "current" (i_q); it has "ms", "x?[2Jy": expected ')

@@ -442,7 +442,7 @@ def test_a_wrong_k_t_is_the_one_that_the_voltage_says() -> None:
     tables = bench.columns()
     tables["motor"]["K_t"] = "0.06 N*m/A"
     assert inertia_off(said(logs, tables)[1]) > 0.15
-    line, again = mended(logs, tables, "By the voltage, K_t is")
+    line, again = mended(logs, tables, "From the logged voltage, K_t is")
     assert line.cures[0].keys() == {"motor.K_t"}
     assert abs(again.K_t / bench.K_T - 1) < 0.02 and inertia_off(again) < 0.03
     by_kv = bench.columns()
@@ -459,7 +459,7 @@ def test_a_k_t_that_is_off_by_little_is_told_and_advises_nothing() -> None:
     logs = of_case("cogging", "slow", "fast", "drives", "brakes", "sweep")
     for log in logs.values():
         log["u_q"] = 1.033 * log["u_q"]
-    (line,) = [line for line in said(logs)[0] if line.startswith("By the voltage, K_t is")]
+    (line,) = [line for line in said(logs)[0] if line.startswith("From the logged voltage, K_t is")]
     assert not isinstance(line, Advice) and "it is open which value is right" in line
 
 

@@ -124,10 +124,12 @@ def test_one_speed_does_not_tell_an_error_of_order_2p_and_says_so() -> None:
     (each,) = [each for each in made.orders if each.share > 0.1]
     assert each.causes[0].name == "cogging or current gain or encoder"
     assert each.confidence == "cannot be told apart"
-    (said,) = [line for line in advice_of(made.remarks) if line.startswith("Order 10: one speed cannot tell")]
+    (said,) = [
+        line for line in advice_of(made.remarks) if line.startswith("Order 10: from one speed, an error")
+    ]
     assert said.cures == ({"record.kind": ("constant-speed", "acceleration")},)
     again = diagnosed(of_case("encoder 2p", "fast", "drives", "sweep", "slow"))
-    assert not any("one speed cannot tell" in line for line in again.remarks)
+    assert not any("from one speed, an error" in line for line in again.remarks)
     assert {each.causes[0].name for each in again.orders if each.share > 0.1} == {"encoder"}
 
 
@@ -141,7 +143,7 @@ def test_an_order_beyond_the_rows_is_not_called_absent(log: str, cause: str) -> 
     seldom = {log: {key: x[::every] for key, x in bench.logs()["beyond"][log].items()}}
     made = diagnosed(seldom)
     verdict = (
-        ", which cannot be told apart here" if " or " in cause else "; the logs show it as a slower wave"
+        ", which cannot be told apart here" if " or " in cause else ", so the logs show it as a slower wave"
     )
     assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}{verdict}: ")
     assert made.causes(f"{log}.npz")[cause] > 0.9

@@ -249,7 +249,7 @@ def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
         (
             {"drive.position_sensor": {"kind": "hall"}},
             "drive.position_sensor: Hall sensors show six angles of an electrical revolution, too few "
-            "for cogging and friction: expected an encoder, for the time of the logs",
+            "for cogging and friction: expected an encoder while the logs are recorded",
         ),
         (
             {"controller": {"ilc": {**PI["pi"], "law": "pi-ilc", "gain": "0.1 A*s/rad"}}},

@@ -218,13 +218,14 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert found.remarks == (
         "First.",
         f"Not simulated: b. {replay.UNCORRECTED} To be simulated, a log needs its reference and controller "
-        "(a [[log]] in the file given with --config), a current loop whose rate is a multiple of the rate "
-        "of its rows, and no cogging table switched on. Add what is missing, or leave the log out.",
+        "(a [[log]] in the file given with --config). The rate of the current loop must be a multiple of "
+        "that of the log's rows, and no cogging table may have been on. Add what is missing, or leave the "
+        "log out.",
     )
     steps["traces"] = {}  # none is left that could stand alone
     found, traces = replay.refined(made, lambda *of: None)
     assert found.remarks[1].startswith(f"Not simulated: a, b. {replay.UNCORRECTED} ")
-    assert found.remarks[1].endswith("no cogging table switched on.")
+    assert found.remarks[1].endswith("no cogging table may have been on.")
     steps["traces"] = StudyError("why")
     found, traces = replay.refined(made, lambda *of: None)
     assert (found.remarks[1], traces) == (

@@ -234,8 +234,8 @@ def test_a_small_order_beside_a_large_one_may_be_the_encoders(
     assert (
         left
         == [
-            f"Order {order} near the larger order 24: cogging and an encoder's error of order "
-            f"{abs(order - 24)} ({degrees:.2g} deg) cannot be told apart; add a faster log."
+            f"Order {order} may be cogging, or come from the larger order 24 by an encoder's error of order "
+            f"{abs(order - 24)} ({degrees:.2g} deg), which distorts it; add a faster log."
         ]
         * beside
     )
@@ -255,11 +255,11 @@ def test_orders_on_both_sides_of_a_large_one_are_told_once(known: Identification
         made = findings.without_nonsense(estimate(known, cogging=waves, encoder=encoder), left)
         return [one.order for one in made.cogging], left
 
-    both = "cogging and an encoder's error of order 1"
-    told = "cannot be told apart; add a faster log."
+    both = "may be cogging, or come from the larger order 24 by an encoder's error of order 1"
+    told = "which distorts it; add a faster log."
     assert beside(n23=0.05, n24=0.2, n25=0.08) == (
         [24],
-        [f"Order 23 and 25 near the larger order 24: {both} ({math.degrees(0.16 / 4.8):.2g} deg) {told}"],
+        [f"Order 23 and 25 {both} ({math.degrees(0.16 / 4.8):.2g} deg), {told}"],
     )  # fmt: skip
     orders, left = beside(n23=0.05, n24=0.2, n25=0.19)
     assert orders == [24, 25] and len(left) == 1
@@ -396,8 +396,8 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
     used, (line,) = findings.usable(known, [law, turning(1.0)])
     assert [one.rule for one in used] == [law.rule] and used[0]["i_q"][0] == 0.1  # the plant alone
     assert line == (
-        "one.csv: i_q follows the speed of 0 samples earlier (correlation 1.0000, 0.05 A*s/rad): i_q shows "
-        "the feedback law, and little of the motor; add an acceleration log."
+        "one.csv: i_q follows the speed with a gain of 0.05 A*s/rad, 0 samples late (correlation 1.0000). "
+        "So it shows the feedback law, and little of the motor; add an acceleration log."
     )
 
 
@@ -508,9 +508,8 @@ def test_an_order_falls_or_grows_with_speed() -> None:
         "The ripple of order 6 falls between 1 and 2 rev/s: a torque causes it, not the encoder."
     ]
     assert said(2.0, 0.5 * 2**0.6) == [
-        "The ripple of order 6 grows between 1 and 2 rev/s: the encoder's error, or a torque whose ripple "
-        "the controller "
-        "reduces at low speed; record i_q."
+        "The ripple of order 6 grows between 1 and 2 rev/s: the encoder's error causes it, or a torque, "
+        "whose ripple the controller reduces more at low speed; record i_q."
     ]
     assert said(2.0, 0.5 / 2**0.4) == said(2.0, 0.5 * 2**0.4) == []
     assert said(1.49, 0.1) == [] and said(1.5, 0.1) != []
@@ -651,8 +650,8 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
     poor = log(omega=1.0)
     assert diagnosis._without([whole, log("off", "bridge-off", theta=0.0), log("c", "coast-down")]) == []
     assert diagnosis._without([poor]) == [
-        "one.csv: no angle: orders are from the integral of the speed, and have no place on the rotor; "
-        "record the encoder's angle as theta.",
+        "one.csv: no angle: the angle is the speed's integral, so the phase of an order on the rotor is "
+        "unknown; record the encoder's angle as theta.",
         "one.csv: no current: the log shows how an order changes with the speed, but not which cause the "
         "order "
         "has; record i_q.",

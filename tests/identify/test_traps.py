@@ -189,7 +189,8 @@ def test_a_feedback_law_is_no_plant(tmp_path):
     made = told(tmp_path, text, changed(logs, "one-speed", i_q=law))
     (said,) = [line for line in made.remarks if "feedback law" in line]
     assert said.startswith(
-        "one-speed.npz: i_q follows the speed of 2 samples earlier (correlation 1.0000, 0.05 A*s/rad)"
+        "one-speed.npz: i_q follows the speed with a gain of 0.05 A*s/rad, 2 samples late (correlation "
+        "1.0000)"
     )
     assert said.endswith("add an acceleration log.")
     assert made.values["j"].times(made.K_t).value == pytest.approx(INERTIA, rel=0.02)
@@ -228,7 +229,8 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             b"t,theta,omega,I_q [A]\n1,2,3,4\n",
-            'a.csv: no column "i_q" (i_q, near "I_q [A]"): expected in [columns] a heading that this '
+            'a.csv: no column "i_q" (i_q; similar: "I_q [A]"): expected in [columns] a heading that '
+            "this "
             "file has",
         ),
         (
@@ -239,7 +241,7 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         (
             "a.csv",
             CSV.replace("t,theta", "T,theta").encode(),
-            'a.csv: no column "t" (t, near "T"): expected in [columns] a heading that this file has',
+            'a.csv: no column "t" (t; similar: "T"): expected in [columns] a heading that this file has',
         ),
         (
             "a.csv",

@@ -69,20 +69,20 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
     known.motor = known.motor.model_copy(update={"R_s": 2.0})
     agreed = voltage._of_k_t(known, Value(0.309, 0.01))
     assert isinstance(agreed, voltage.Agreement)
-    assert agreed == "By the voltage, K_t is 0.309 +- 0.01 N*m/A, as id.toml has it (0.3)."
+    assert agreed == "From the logged voltage, K_t is 0.309 +- 0.01 N*m/A, as id.toml has it (0.3)."
     ends = ": all torques are in proportion to K_t; correct motor.K_t, or K_t_rms if it is per rms ampere, "
     ends += "or kv."
     for value, begins in ((0.315, "K_t is 0.315"), (0.285, "K_t is 0.285"), (0.339, "K_t is 0.339")):
         said = voltage._of_k_t(known, Value(value, 0.01))
         assert said == (
-            f"By the voltage, {begins} +- 0.01 N*m/A; id.toml has 0.3. Magnets that are 50 K "
+            f"From the logged voltage, {begins} +- 0.01 N*m/A; id.toml has 0.3. Magnets that are 50 K "
             "warmer, or a wrong gain of the voltage's measurement, would also make this difference, so it is "
             "open which value is right; all torques are in proportion to K_t."
         )
         assert not isinstance(said, voltage.Agreement | Advice)
     for value, begins in ((0.38, "K_t is 0.38"), (0.23, "K_t is 0.23")):
         said = voltage._of_k_t(known, Value(value, 0.01))
-        assert said == f"By the voltage, {begins} +- 0.01 N*m/A; id.toml has 0.3{ends}"
+        assert said == f"From the logged voltage, {begins} +- 0.01 N*m/A; id.toml has 0.3{ends}"
         assert isinstance(said, Advice) and said.cures == ({"motor.K_t": f"{value} N*m/A"},)
     backwards = voltage._of_k_t(known, Value(-0.3, 0.01))
     assert backwards.endswith("has 0.3: the signs of u_q, of i_q and of the angle do not fit each other.")
@@ -91,7 +91,7 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
         said = voltage._of_k_t(known, Value(value, 0.004))
         assert said.endswith(f"; the values differ by sqrt(2), the factor between rms and peak{ends}")
     assert voltage._of_r(known, Value(2.7, 0.13)) == [
-        "By the voltage, R is 2.7 +- 0.13 ohm, sqrt(2) times that in id.toml (2). Either i_q is "
+        "From the logged voltage, R is 2.7 +- 0.13 ohm, sqrt(2) times that in id.toml (2). Either i_q is "
         "in rms amperes, and all torques are sqrt(2) times too small, or the winding is 105 K warmer; record "
         "i_a and i_b to decide this."
     ]

@@ -432,7 +432,8 @@ def test_a_number_that_is_no_product_is_refused(formula, kind):
     by_key, _, described = own_motor([formula], kind)
     with pytest.raises(
         StudyError,
-        match=r"--own-motor: n0: expected a number .* as a product of powers of the motor's values",
+        match=r"--own-motor: n0: the page cannot compute this number from the motor's values, since it is "
+        r"no product",
     ):
         room.own_motor(described([]), described, by_key, lambda key: key)
 

@@ -59,7 +59,7 @@ def test_a_map_of_a_shorter_period_is_repeated() -> None:
     assert entries(quarter, law(256), 1.0) == pytest.approx(wave(256, 4)[None], abs=1e-6)
     assert entries(quarter, law(50, turns=1, parts=2), 1.0) == pytest.approx(wave(50, 2)[None], abs=1e-6)
     with pytest.raises(
-        MapError, match=r"^a map over a revolution: expected a period that fits into the law's, 1/4 of a"
+        MapError, match=r"^a map over a revolution: expected one over the law's period, 1/4 of a"
     ):
         entries(stored(wave(64)), law(parts=4), 1.0)
     with pytest.raises(MapError, match="a trial's signal: expected a map over the angle"):

@@ -239,7 +239,11 @@ def test_a_call_that_faults_is_one_line() -> None:
     prepared = prepare(load("liu2018"), "60-rpm", "pi")
     subject, image = build(prepared, toolchain.find())
     processor = Target(subject, image, prepared.memory)._processor
-    with pytest.raises(StudyError, match=r"pil: pi_step at 0x[0-9a-f]+: .*: expected a call that returns"):
+    with pytest.raises(
+        StudyError,
+        match=r"pil: pi_step stopped at 0x[0-9a-f]+ \(.*\): expected a function "
+        r"that returns",
+    ):
         processor.call("pi_step", 0x60000000, 0x60000000, 0x60000000, 0x60000000)
 
 

@@ -111,7 +111,7 @@ def test_the_report_has_the_ripple_over_the_speed(
     page = (tmp_path / "found" / "report.html").read_text("utf-8")
     titles = re.findall(r'aria-label="Order (\d) (\w+), a stripe every', page)
     assert titles == [(str(n), direction) for direction in SIGNS for n in PROBE]
-    assert "pulled by a rotor, which a magnetic field holds like a spring" in page
+    assert "a rotor that the magnetic field holds like a spring" in page
 
 
 def test_an_answer_that_is_no_mass_on_a_belt_gives_no_ripple() -> None:

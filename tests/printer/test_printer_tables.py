@@ -111,7 +111,7 @@ def test_a_wave_table_holds_the_sine_of_order_4(
         abs(c - (size if n == 4 else 0)) ** 2 for table in (FORWARD, BACKWARD) for n, c in table.items()
     )
     before = sum(abs(c) ** 2 for table in (FORWARD, BACKWARD) for c in table.values())
-    assert out.splitlines()[1].startswith(f"The table leaves {np.sqrt(after / before):.0%} of the correction")
+    assert out.splitlines()[1].startswith(f"The table lacks {np.sqrt(after / before):.0%} of the correction")
 
 
 @pytest.mark.parametrize("size", np.linspace(-0.1, 0.1, 9))

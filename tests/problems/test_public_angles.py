@@ -417,7 +417,7 @@ def test_a_speed_by_counts_jumps_between_nothing_and_a_count(tmp_path: Path) -> 
     """
     drive = study(tmp_path, SMALL, SPINDLE)
     (remark,) = beyond_drive(drive, ["slow"])
-    assert "0.4 counts per speed sample: most samples read 0, the others 150 rpm" in str(remark)
+    assert "0.4 counts per speed sample: most speed samples are 0, the others 150 rpm" in str(remark)
     results, limiting = limited(drive)
     shown = results.runs[0].trace.part("omega_measured", slice(1000, None))
     count = math.tau / 400 / 1e-3

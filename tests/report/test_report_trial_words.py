@@ -381,8 +381,10 @@ def test_a_note_stands_with_its_own_controllers(tmp_path):
         for (_, name), design in design_study(study, [("move", n) for n in study.controller]).items()
     }
     notes = labelled_notes(study, designs)
-    of_gain = [note for note in notes if "K_3 is chosen by frequency" in note]
-    assert len(of_gain) == 1 and of_gain[0].startswith("ilc; the same, twice: K_3 is chosen by frequency")
+    of_gain = [note for note in notes if "K_3 was chosen by the frequency response" in note]
+    assert len(of_gain) == 1 and of_gain[0].startswith(
+        "ilc; the same, twice: K_3 was chosen by the frequency response"
+    )
     assert not any("K_3" in str(note) for note in designs["feedback"].notes)
     for name, design in designs.items():
         for note in design.notes:

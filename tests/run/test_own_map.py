@@ -415,7 +415,8 @@ BOTH = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
             "a map of acceleration: expected a map of this law's kind, or of a current only"),
         (LAWS["cells"], (WAVE, (1,), 0), "a trial's signal: expected a map over the angle"),
         (LAWS["electrical"], (WAVE, (1,)),
-            "a map over a revolution: expected a period that fits into the law's, 1/4 of a revolution"),
+            "a map over a revolution: expected one over the law's period, 1/4 of a revolution, or over a "
+            "whole fraction of it"),
         ({"object": "law.py:Plain"}, (WAVE, (1,)),
             "expected a class with the methods learned_map() and load_map(learned)"),
         ({"object": "law.py:Out"}, (WAVE, (1,)), "the class has no method load_map(learned)"),

@@ -278,15 +278,15 @@ def test_a_law_that_exits_on_import(tmp_path: Path) -> None:
     ("changes", "expected"),
     [
         ({"metric.1.window": ["0.1 s", "0.2 s"]},
-            'metric.1.window: ["0.1 s", "0.2 s"]: expected 1 or more electrical revolutions at the top speed '
-            'of scenario "low", not 0.4'),
+            'metric.1.window: ["0.1 s", "0.2 s"]: expected a window of 1 or more electrical revolutions at '
+            'the top speed of scenario "low", not of 0.4'),
         ({"metric.1.last": "0.2 s"},
-            'metric.1.last: "0.2 s": expected 1 or more electrical revolutions at the top speed '
-            'of scenario "low", not 0.8'),
+            'metric.1.last: "0.2 s": expected a window of 1 or more electrical revolutions at the top '
+            'speed of scenario "low", not of 0.8'),
         ({"scenario.low.reference": "0 rpm", "scenario.low.initial_speed": "0 rpm"},
-            "metric.1.window: expected 1 or more electrical revolutions at the top speed "
-            'of scenario "low", not 0'),
-        ({"metric.1.order": [1.5]}, "metric.1.window: expected 2 or more electrical revolutions"),
+            "metric.1.window: expected a window of 1 or more electrical revolutions at the top speed "
+            'of scenario "low", not of 0'),
+        ({"metric.1.order": [1.5]}, "metric.1.window: expected a window of 2 or more electrical revolutions"),
         ({"metric.0.window": None, "metric.0.last": "1 us"},
             'metric.0.last: "1 us": expected a window of 10 or more rows of the trace'),
         ({"scenario.low.duration": "0.5 ms"}, 'scenario.low.duration: "0.5 ms": expected 0.000666667 s or '),

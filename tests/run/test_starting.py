@@ -179,9 +179,7 @@ def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None
     found = learned_map.entries(electrical, {**OWN, "units": (4,), "values": np.zeros((1, 192))}, -2.0)
     np.testing.assert_allclose(found[0], -2.0 * np.cos(3 * 2 * np.pi / 192 * np.arange(192)), atol=1e-6)
     short = {**OWN, "parts": 3}
-    with pytest.raises(
-        MapError, match="a map over a revolution: expected a period that fits into the law's, 1/3"
-    ):
+    with pytest.raises(MapError, match="a map over a revolution: expected one over the law's period, 1/3"):
         learned_map.entries(stored(WAVE), short, 1.0)
     with pytest.raises(MapError, match="a map over 1/2 of a revolution: expected"):
         learned_map.entries(replace(electrical, parts=2), short, 1.0)
@@ -290,7 +288,7 @@ def test_the_entries_are_the_tables_at_the_cells_angles(tmp_path: Path) -> None:
     found = start_of(tmp_path, "electrical", 'sign = "cogging", frame = "electrical"')
     np.testing.assert_allclose(found["values"][0], -np.cos(2 * np.pi / 128 * np.arange(128)), atol=1e-6)
     with pytest.raises(
-        StudyError, match=r'start\.table: "table\.csv": a map over a revolution: expected a period'
+        StudyError, match=r'start\.table: "table\.csv": a map over a revolution: expected one over the law'
     ):
         start_of(tmp_path, "electrical", 'sign = "cogging"')
 

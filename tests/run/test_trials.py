@@ -246,7 +246,7 @@ def test_a_rollout_says_which_variants_cannot_be_designed(tmp_path: Path) -> Non
 
 # Sampled exactly, with a shift of one sample, the small drive has no K_3.
 EXACT = {"design.discretisation": "exact"}
-NO_K_3 = "controller.ilc.q_filter: no K_3 makes every error fall from trial to trial: "
+NO_K_3 = "controller.ilc.q_filter: no K_3 makes the error fall at every frequency: "
 
 
 def test_a_design_without_a_learning_gain_shows_what_there_is(tmp_path: Path) -> None:
@@ -256,7 +256,7 @@ def test_a_design_without_a_learning_gain_shows_what_there_is(tmp_path: Path) ->
     ilc, feedback = (json.loads(found.stdout)["controllers"][name] for name in ("ilc", "feedback"))
     assert ilc["K_3"] is None and feedback["K_3"] == 0
     (note,) = (note for note in ilc["notes"] if note not in feedback["notes"])
-    assert note.startswith("q_filter: no K_3 makes every error fall from trial to trial: ")
+    assert note.startswith("q_filter: no K_3 makes the error fall at every frequency: ")
     assert "would choose a filter of 107 Hz and a shift of 2" in note
     for key in ("K_s", "N", "feedforward", "checks"):
         assert ilc[key] == feedback[key]
@@ -271,7 +271,7 @@ def test_a_controller_without_its_learning_gain_does_not_run_and_the_others_do(t
     assert [r.controller for r in results.runs] == ["feedback"]
     (line,) = results.without_design("move")
     assert line.startswith(f"ilc: not designed: {NO_K_3}") and "\n" not in line
-    with pytest.raises(StudyError, match="no K_3 makes every error fall"):
+    with pytest.raises(StudyError, match="no K_3 makes the error fall"):
         run_study(results.study, ["move/ilc"])
 
 

@@ -141,7 +141,7 @@ def test_a_rotor_that_hardly_turns(made):
     data = run.trace.data.copy()
     data[:, run.trace.names.index("theta_m")] *= 0.1
     stuck = replace(run, trace=replace(run.trace, data=data))
-    assert unlearned(made, stuck) == "the rotor turned by 0.2 of the law's learning period in 12 s"
+    assert unlearned(made, stuck) == "in 12 s the rotor turned by only 0.2 of the law's learning period"
 
 
 def test_foreseen_by_the_reference(tmp_path):
@@ -253,7 +253,7 @@ def test_a_speed_that_varies_has_no_length_of_a_period():
 
 
 def test_a_rotor_that_turns_less_than_half_of_its_way_is_said_not_to_follow():
-    assert said(0.49) == "the rotor turned by 0.49 of the law's learning period in 5 s"
+    assert said(0.49) == "in 5 s the rotor turned by only 0.49 of the law's learning period"
     assert said(0.51) == "learning lasts 5 s, which is 0.51 of the law's learning period of 5 s"
     assert said(0.49, omega=(1.0, 1.01)) == "learning lasts 5 s, which is 0.49 of the law's learning period"
 

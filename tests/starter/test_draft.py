@@ -164,7 +164,7 @@ def test_run_advises_no_setting_that_new_could_have_written(tmp_path: Path, name
 def test_what_new_chooses_by_runs_leaves_less_than_its_rules(tmp_path: Path) -> None:
     motor, drive, encoder, numbers = SETTINGS["servo"]
     made, study = written(tmp_path, request(motor, drive, encoder, **numbers))
-    assert any(remark.startswith("Switched on: drive.dead_time_compensation") for remark in made.remarks)
+    assert any(remark.startswith("The study has drive.dead_time_compensation") for remark in made.remarks)
     by_rule = {f"drive.position_sensor.{key}": value for key, value in fit_observer(study).items()}
 
     def ripple(**changes: object) -> float:

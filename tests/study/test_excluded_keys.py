@@ -80,7 +80,7 @@ def test_an_override_cannot_delete_but_replace(tmp_path: Path) -> None:
         load(path, {"scenario.low.override": override})
     line = str(refused.value)
     assert "observer_bandwidth is from the file, speed_method from the override" in line
-    assert line.endswith(f"give the override the whole table {SENSOR}, without observer_bandwidth")
+    assert line.endswith(f"write all of table {SENSOR} except observer_bandwidth into the override")
     whole = {
         key: value for key, value in {**OBSERVER, "speed_method": "MT"}.items() if "bandwidth" not in key
     }

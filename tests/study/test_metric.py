@@ -95,6 +95,7 @@ def test_an_order_needs_a_revolution_but_for_two_rows(tmp_path: Path, frame: str
         if enough:
             studies.study(tmp_path, changes)
         else:
-            expected = f'expected 1 or more {frame} revolutions at the top speed of scenario "low", not '
+            expected = f"expected a window of 1 or more {frame} revolutions at the top speed of scenario "
+            expected += '"low", not of '
             with pytest.raises(StudyError, match=expected):
                 studies.study(tmp_path, changes)

@@ -30,8 +30,9 @@ TABLE = f"{PATH}.correction.forward"
         ({f"{PATH}.microsteps": 2048}, "microsteps: 2048: expected"),
         ({TABLE: [{"order": 0, "magnitude": "0.1 rad"}]}, "order: 0: expected"),
         ({TABLE: [{"order": 1, "magnitude": "-0.1 rad"}]}, 'magnitude: "-0.1 rad": expected'),
-        ({TABLE: [{"order": 4, "magnitude": 0.25}]}, "expected a sum of all order * magnitude below 1 rad, "
-                                                     "not 1 rad"),
+        ({TABLE: [{"order": 4, "magnitude": 0.25}]}, "expected waves whose products order * magnitude add "
+        "up to "
+        "less than 1 rad, not 1 rad"),
         ({TABLE: 9 * [{"order": 1, "magnitude": "1 mrad"}]}, "forward"),
         ({"drive.rates.speed_loop": "10 kHz"}, "expected drive.rates.speed_loop equal to current_loop"),
         ({"drive.bus": {"delay_command": "1 ms"}}, "expected no drive.bus"),
@@ -73,7 +74,9 @@ def test_a_correction_that_identify_wrote_is_taken(tmp_path: Path) -> None:
         ("[]", {}, "expected the correction.json that cogless identify writes"),
         ('{"forward": [{"order": 1}], "backward": []}', {}, "expected the correction.json that"),
         ('{"current_A_rms": 0.8, "forward": [{"order": 4, "magnitude_rad": 0.3, "phase_rad": 0}], '
-            '"backward": []}', {}, "expected a sum of all order * magnitude below 1 rad, not 1.2 rad"),
+            '"backward": []}', {}, "expected waves whose products order * magnitude add up to less than 1 "
+            "rad, not "
+            "1.2 rad"),
         ('{"current_A_rms": 0, "forward": [], "backward": []}', {},
             "expected the correction.json that cogless identify writes"),
         ("{}", {"current": "1 A"}, 'current: "1 A": expected no such key, since the file contains it'),

@@ -142,8 +142,8 @@ def line_of(folder: Path, changes: dict[str, Any]) -> str:
             'drive.position_sensor.latency: "1 us": expected no such key, since speed_method = "MT" times '
             'the edges: delete latency, or set speed_method = "M"'),
         ({SENSOR: {**WORD, "error": [{"order": 100, "amplitude": "1 deg"}]}},
-            'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected a sum '
-            "of all order * amplitude below 1 rad: otherwise the measured angle runs "
+            'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected waves whose '
+            'products order * amplitude add up to less than 1 rad: otherwise the measured angle runs '
             "backward"),
         ({SENSOR: {**WORD, "error": [{"order": 0, "amplitude": "1 deg"}]}},
             "drive.position_sensor.error.0.order: 0: expected a number of 1 or more"),

@@ -369,7 +369,7 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
             "slowest speed of "
             "scenario low"),
         ({"controller.pi": {**SPACE, "cells": 65536}},
-            "controller.pi.cells: 65536: expected at most 65535, since the memory is a map"),
+            "controller.pi.cells: 65536: expected at most 65535 cells, the most of a map"),
         ({"controller.pi": {**SPACE, "memory": "delay", "period": {"of": "mechanical", "turns": 3000}},
           "scenario.low.reference": {"speed": "0.1 rad/s"}, "scenario.low.initial_speed": "0.1 rad/s",
           "metric": []},
@@ -391,15 +391,16 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
             "controller.pi: expected either k_theta and k_omega or tuning, such as "
             '{ rule = "phase-margin", phase_margin = "60 deg" }'),
         ({"controller.pi": {**SPACE, "period": {"of": "mechanical", "turns": 5000}}},
-            "controller.pi.period: expected a whole number of periods in at most 3978 revolutions, not in "
-            "5000"),
+            "controller.pi.period: expected a period of which a whole number fits into 3978 revolutions or "
+            "fewer: this one needs 5000"),
         ({"controller.pi": {**SPACE, "memory": "delay", "cells": 4000, "k_pp": 20000.0}},
             "controller.pi.k_pp: 20000.0: expected less than drive.rates.speed_loop, 1000 Hz"),
         ({"controller.pi": {**SPACE, "beta_limit": 1e300}},
             "controller.pi.beta_limit: 1e+300: expected a size that single precision holds, 1e-15 to 1e+15 "
             "in SI units"),
         ({"controller.pi": {**SPACE, "mu_alpha": 0.0}},
-            "controller.pi.learning: expected false, or one of mu_alpha, mu_beta and mu_h above zero"),
+            "controller.pi.learning: expected false, since mu_alpha, mu_beta and mu_h are zero; or set one "
+            "of them above zero"),
         ({"motor": {**STEP, "kind": "foo"}},
             'motor.kind: "foo": expected one of "pmsm", "step"'),
         ({"controller.pi": SPACE, "metric": [metric("term_beta")]},

@@ -364,17 +364,18 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"drive.inverter.minimum_pulse": "-1 us"},
             'drive.inverter.minimum_pulse: "-1 us": expected a time of zero or more, such as "1 s"'),
         ({"drive.inverter.minimum_pulse": "20 us"},
-            'drive.inverter.minimum_pulse: "20 us": expected a sum with dead_time below 1.67e-05 s, a '
+            'drive.inverter.minimum_pulse: "20 us": expected minimum_pulse + dead_time below 1.67e-05 s, a '
             "quarter of a current-loop period"),
         ({"drive.inverter.minimum_pulse": "30 us", "drive.inverter.dead_time": "4 us",
           "drive.inverter.pwm": "two-updates"},
-            'drive.inverter.minimum_pulse: "30 us": expected a sum with dead_time below 3.33e-05 s, half '
+            'drive.inverter.minimum_pulse: "30 us": expected minimum_pulse + dead_time below 3.33e-05 s, '
+            'half '
             "of a current-loop period"),
         ({"scenario.low.duration": "1e9 s"},
             'scenario.low.duration: "1e9 s": expected at most 1333.33 s at a trace.rate of 15000 Hz'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time", "cells": 200}},
-            "controller.ilc.cells: 200: expected at least 1000: a period has as many samples of the speed "
-            "loop"),
+            "controller.ilc.cells: 200: expected at least 1000 cells: a period has so many samples of the "
+            "speed loop"),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical", "lead": "70 ms"}},
             'controller.ilc.lead: "70 ms": expected at most 0.0625 s, a quarter of a period at top speed'),
         ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical"},
@@ -667,7 +668,7 @@ def test_words_of_a_datasheet(tmp_path: Path, before: str, after: str, line: str
     [
         ("14.33 rpm/V", "; the values differ by sqrt(2), the factor between rms and peak"),
         ("35.11 rpm/V", "; the values differ by sqrt(3), the factor between phase and line to line"),
-        ("27 rpm/V", ", not to differ by a factor of 1.33"),
+        ("27 rpm/V", "; they differ by a factor of 1.33"),
     ],
 )
 def test_a_torque_and_a_speed_constant_that_disagree(tmp_path: Path, kv: str, why: str) -> None:

@@ -221,7 +221,7 @@ VERTICES = {
             'at '
             "a = 0.5, k = 1.8"),
         (DRIVE, "plant", {"period": "1 s", "A": [[0.5]], "B": [1], "C": [1]},
-            "motor: expected no such key, since there is a table plant, a linear plant without a drive: "
+            "motor: expected no such key, since the table [plant] is a linear plant without a drive: "
             "delete motor, or delete plant; motor is from the file, plant from --set: add --set motor= to "
             "delete motor"),
         (LINEAR, "plant.period", "0 s", 'plant.period: "0 s": expected a time above zero, such as "1 s"'),
@@ -343,7 +343,7 @@ OWN = {"law": "python", "object": "law.py:Law"}
             "expected a whole number of samples of 0.0025 s"),
         # rows of the trace
         (DRIVE, {"trace.rate": "8 kHz"}, "scenario.move.trials", 5000, 5001,
-            "expected at most 5000: 2e+07 rows are too many for the trace"),
+            "expected at most 5000: 5001 trials make 2e+07 rows, too many for the trace"),
         (DRIVE, {}, "scenario.move.trials", 100_000, 100_001, "expected a number of 100000 or less"),
         (DRIVE, {}, "trace.rate", "4000.000000002 Hz", "4000.000000006 Hz",
             "expected a rate that divides 8000 Hz"),
@@ -411,13 +411,13 @@ def test_a_law_of_one_s_own_in_trials(tmp_path: Path, text: str, law: dict[str, 
 def test_trials_need_a_whole_drive_or_a_plant(tmp_path: Path, part: str) -> None:
     before, _, rest = DRIVE.partition(f"[{part}]")
     text = before + rest[rest.index("\n[") + 1 :]
-    expected = "expected this table, or plant in place of motor, mechanics and drive"
+    expected = "expected this table, or [plant] in place of [motor], [mechanics] and [drive]"
     assert line_of(tmp_path, {}, text) == f"study.toml: {part}: missing: {expected}"
 
 
 def test_a_trace_that_is_too_large(tmp_path: Path) -> None:
     found = line_of(tmp_path, {"scenario.move.trials": 100_000, "scenario.move.duration": "1 s"}, DRIVE)
-    expected = "expected at most 50000: 4e+07 rows are too many for the trace"
+    expected = "expected at most 50000: 100000 trials make 4e+07 rows, too many for the trace"
     assert found == f"study.toml: scenario.move.trials: 100000: {expected}"
 
 

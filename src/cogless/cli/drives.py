@@ -99,8 +99,7 @@ def table(
         typer.Option(
             "--study",
             metavar="DIR",
-            help="Also write a study into the folder DIR, which simulates the motor with the drive's own "
-            "control law.",
+            help="Also write into the folder DIR a study of the motor with the drive's own control law.",
         ),
     ] = None,
     encoder: Annotated[
@@ -168,9 +167,9 @@ def table(
     predicted, why_not = _predict(source, frame, written, adapter, study)
     lines = [
         *predicted,
-        f"Holding current: {1e3 * rest.before:.4g} mA rms{torque}. Rounding and interpolation of the table "
-        f"leave {1e3 * rest.after:.3g} mA rms of it ({rest.share:.2%}), most in order {rest.order} "
-        f"({1e3 * rest.amplitude:.2g} mA).",
+        f"Holding current: {1e3 * rest.before:.4g} mA rms{torque}. Because of rounding and interpolation, "
+        f"the table differs from it by {1e3 * rest.after:.3g} mA rms ({rest.share:.2%}), most of it in order "
+        f"{rest.order} ({1e3 * rest.amplitude:.2g} mA).",
         *why_not,
         f"{adapter.title}: {written.entries} entries, {written.scale}.",
     ]
@@ -183,8 +182,9 @@ def table(
     if frame.zero_error:
         highest = max(holding.orders)
         lines.append(
-            f"The logs give the angle of the table's first entry within {frame.zero_error:.2g} rad. This is "
-            f"{frame.zero_error * highest:.2g} rad of the phase of order {highest}."
+            f"The mechanical angle of the table's first entry has an error of up to {frame.zero_error:.2g} "
+            f"rad. This shifts the phase of order {highest}, the highest, by up to "
+            f"{frame.zero_error * highest:.2g} rad."
         )
     _put(written, lines, output)
 
@@ -226,7 +226,8 @@ def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) ->
     _put(
         written,
         [
-            f"Encoder's error: {before:.3g} deg rms, with the table {after:.2g} deg rms by its rounding.",
+            f"Encoder's error: {before:.3g} deg rms. With the table, {after:.2g} deg rms remain, since its "
+            "entries are rounded.",
             f"{adapter.title}, encoder {frame.encoder}: {written.entries} entries, {written.scale}.",
         ],
         output,
@@ -245,11 +246,11 @@ def _predict(
 
     lacking = ""
     if not adapter.law:
-        lacking = f"{adapter.title} has no control law: expected a drive with a law of its own after --to"
+        lacking = f"cogless models no control law of {adapter.title}: expected another drive after --to"
     elif not (source / predicted_ripple.STUDY_NAME).is_file():
         lacking = (
-            f"the folder has no {predicted_ripple.STUDY_NAME}: expected a folder of cogless "
-            "identify that has this file"
+            f"{source} has no {predicted_ripple.STUDY_NAME}, which cogless identify writes if the logs show "
+            "the inertia: expected a folder that has it"
         )
     elif not frame.gains:
         lacking = (
@@ -267,8 +268,9 @@ def _predict(
     for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
         texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
         lines.append(
-            f"Ripple at {ripple.speed} r/min: {texts['without']} r/min rms without the table, "
-            f"{texts['table']} with it, {texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
+            f"Predicted ripple at {ripple.speed} rpm: {texts['without']} rpm rms without the table, "
+            f"{texts['table']} with it. To check the sign: {texts['third']} with 30 % of the table, "
+            f"{texts['turned-third']} with -30 %."
         )
     simulated = f"Simulated in forward direction under {adapter.title}'s own law"
     if study is None:
@@ -303,7 +305,7 @@ def _source(
     to = target.name
     logs = "" if target.read_logs is None else f"logs of {to}, or "
     shift = f"{logs}--shift ANGLE, the angle of {to}'s encoder where the source's angle is zero"
-    unknown = f"its angle does not start at the index of {to}: expected {shift}"
+    unknown = f"SOURCE does not say where its angle is zero on {to}'s encoder: expected {shift}"
     if from_ is not None:
         adapter = adapter_named(from_, "--from")
         if adapter.read_table is None:

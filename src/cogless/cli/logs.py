@@ -37,7 +37,7 @@ def identify(
             "--config",
             metavar="FILE",
             help="TOML file with the meaning of the logs' columns, known values of the motor, and each log's "
-            "kind.",
+            "kind, such as an acceleration.",
         ),
     ] = None,
     drive: Annotated[
@@ -236,7 +236,7 @@ def diagnose(
             "--config",
             metavar="FILE",
             help="TOML file with the meaning of the logs' columns, known values of the motor, and each log's "
-            "kind.",
+            "kind, such as an acceleration.",
         ),
     ],
     output: Annotated[

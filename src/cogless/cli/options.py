@@ -120,7 +120,7 @@ OutputOption = Annotated[
     Path | None,
     output_option(
         "Directory for the results.",
-        show_default="results/NAME: the name of the study, or for study.toml of its folder",
+        show_default="results/NAME; NAME is that of the study's file, or of its folder if it is study.toml",
     ),
 ]
 

@@ -162,7 +162,7 @@ def a_metric(study: AnyStudy) -> Remark:
 
     metric = study.example_metric
     example = "".join(f'\n{key} = "{word}"' for key, word in metric.items())
-    text = f"A metric compares the controllers, such as this one in {study.source.path}:"
+    text = f"To compare the controllers, add a metric to {study.source.path}, such as:"
     return Remark(f"{text}\n\n[[metric]]{example}", ({"metric": [metric]},))
 
 

@@ -44,7 +44,7 @@ def plan_runs(adapter: Adapter, file: Path, output: Path) -> None:
     with locked_folder(output, files), new_set(output) as stage:
         for name, text in files.items():
             (stage / name).write_text(text, "utf-8")
-    print(f"Runs: {output / next(iter(files))}. Its first lines say how to start it.")
+    print(f"File of the runs: {output / next(iter(files))}. Its first lines say how to start it.")
     words = ["identify", "--drive", adapter.name, "--drive-config", str(file)]
     print(f"Next: {program()} {shlex.join(words)} LOG...")
 
@@ -87,8 +87,9 @@ def study_line(path: Path) -> str:
 def correction_lines(correction: Correction) -> list[str]:
     """Lines on the motor, on each order of the correction in each direction, on friction, and remarks."""
     lines = [
-        f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds, for each order "
-        f"n, a sin(n u + phase) to the electrical angle u; the amplitudes a are in rad."
+        f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds to the electrical "
+        "angle u a term A sin(n u + phase) for each order n. A line gives an order's A and phase, and the "
+        "ripple without the correction."
     ]
     for direction, entries in correction.directions.items():
         for n, entry in sorted(entries.items()):
@@ -97,15 +98,15 @@ def correction_lines(correction: Correction) -> list[str]:
             doubt = "" if entry.error < size else ", smaller than its error"
             lines.append(
                 f"{direction:<8} order {n}: {size:.4f} rad (+-{entry.error:.4f}), phase "
-                f"{cmath.phase(entry.value):+.3f} rad; {way:.2f} um of the carriage at a slow speed, a "
-                f"stripe every {1e3 * correction.wavelength / n:.3g} mm{doubt}"
+                f"{cmath.phase(entry.value):+.3f} rad; at a slow speed the carriage swings by "
+                f"+-{way:.2f} um: a stripe every {1e3 * correction.wavelength / n:.3g} mm{doubt}"
             )
     friction = correction.friction()
     if friction is not None:
-        torque = "" if friction.torque is None else f", {1e3 * friction.torque:.3g} mN*m"
+        torque = "" if friction.torque is None else f"{1e3 * friction.torque:.3g} mN*m; "
         lines.append(
-            f"Friction, if order 4 comes from the detent: {friction.angle:.3f} rad electrical "
-            f"(+-{friction.error:.3f}){torque}."
+            f"Friction, if order 4 comes from the detent alone: {torque}it holds the rotor back by "
+            f"{friction.angle:.3f} rad electrical (+-{friction.error:.3f})."
         )
     return [*lines, *correction.remarks]
 
@@ -181,7 +182,7 @@ def stripe(
         bool,
         typer.Option(
             "--diagonal",
-            help="For a wall along a diagonal of a CoreXY printer, so that only one motor moves.",
+            help="The wall is along a diagonal of a CoreXY printer, where only one motor moves.",
         ),
     ] = False,
 ) -> None:

@@ -184,8 +184,8 @@ def _certified(study: Study, name: str, certificate: Certificate, scenarios: Seq
             )
         doubt = doubt or _coarse_doubt(study, at_speeds, cures)
         if doubt:
-            seeds = "runs with several seeds, such as --set seed=1, show whether learning helps"
-            words = f"not sure: {doubt}; {seeds}. For small signals the answer is {settles}"
+            seeds = "runs with several seeds (--set seed=1, --set seed=2, ...) show whether learning helps"
+            words = f"not sure: {doubt}; {seeds}. Without this effect the answer is {settles}"
             return Answer(
                 "not sure",
                 words,
@@ -204,7 +204,8 @@ def _certified(study: Study, name: str, certificate: Certificate, scenarios: Seq
         return Answer("no", f"no, because at {at} some orders may not converge if the inertia is 50 % off")
     return Answer(
         "no",
-        f"no, because at {at} the orders together settle only with learning rates up to {bad.most:.3g} 1/s",
+        f"no, because at {at} the learning rate is {bad.rate:.3g} 1/s, but learning all orders together is "
+        f"stable only up to {bad.most:.3g} 1/s",
     )
 
 
@@ -223,9 +224,9 @@ def _heavier_than_certified(study: Study, certificate: Certificate) -> str:
         if len(beyond):
             order, factor = int(orders[beyond[0]]), factors[beyond[0]]
             return (
-                f"at {speed_text(study, speed.omega_m)} the motor's back-EMF changes the response to a "
-                f"current at order {order} by the factor {factor:.2g}; convergence is sure for factors from "
-                f"{min(BELIEF_FACTORS):g} to {max(BELIEF_FACTORS):g}"
+                f"at {speed_text(study, speed.omega_m)} the motor's back-EMF multiplies the speed's response "
+                f"to a current of order {order} by {factor:.2g}; learning surely converges only for factors "
+                f"from {min(BELIEF_FACTORS):g} to {max(BELIEF_FACTORS):g}"
             )
     return ""
 

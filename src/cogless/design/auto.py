@@ -285,5 +285,6 @@ def phase_margin_gains(study: Study, name: str) -> tuple[float, float]:
 def no_gain_error(study: Study, name: str) -> StudyError:
     where = f"{study.source.path}: controller.{name}.tuning"
     return StudyError(
-        f"{where}: expected a loop in which learning settles with some gain: here it settles with none"
+        f"{where}: learning settles with no gain that this rule tried: expected another loop, such as one "
+        "with less delay"
     )

@@ -36,7 +36,7 @@ WAVE_POINTS = 8  # angles in a wave of the highest order
 LIMIT = "drive.current_loop.current_limit"
 MEASURED_CURRENTS = {
     "current_max": "the current at its limit with the sensors' noise",
-    "current_sum": "the sum of the phases with the sensors' errors",
+    "current_sum": "the sum of the phase currents with the sensors' errors",
 }
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
 LIMITED_SHARE_MOST = 0.1  # share of the law's periods at the voltage limit; a larger one is warned of
@@ -140,14 +140,13 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
     bound = f"current_limit is {limit:.3g} A"
     if drive.current_reference is not None:
         bound = (
-            f"at the top speed the limits of current and voltage allow {limit:.3g} A, as q-axis current of "
-            "the "
-            "same torque"
+            "at the top speed the limits of current and voltage allow only as much torque as "
+            f"{limit:.3g} A of q-axis current gives"
         )
     if needs.mean > limit:
         sentence = f"its motion and load need {needs.mean:.3g} A on average, but {bound}"
     else:
-        sentence = f"an even speed needs up to {needs.most:.3g} A, but {bound}"
+        sentence = f"a speed without ripple needs up to {needs.most:.3g} A, but {bound}"
 
     voltage_current = carried(for_scenario(study, scenario), study.scenario[scenario].top_reference)
     if drive.current_reference is None and needs.most > voltage_current and drive.inverter is not None:

@@ -98,16 +98,15 @@ def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> st
 
     `crossover`: the feedback's crossover, rad/s.
     """
-    sizes = f"{swinging.size:.2g}"
-    if not swinging.surely_stops:
-        sizes = f"{swinging.least:.2g} to {sizes}"
+    least, most = (f"{float(f'{size:.2g}'):g}" for size in (swinging.least, swinging.size))
+    sizes = most if swinging.surely_stops else f"{least} to {most}"
     around = (
-        f" (crossover of the feedback: {crossover / math.tau:.3g} Hz)" if math.isfinite(crossover) else ""
+        f", the feedback's crossover is {crossover / math.tau:.3g} Hz" if math.isfinite(crossover) else ""
     )
     return (
         f"at {speed_text(study, omega_m)} the feedback leaves a speed ripple of {sizes} times the speed, "
-        f"most of it of order {swinging.order}, in whose detents the rotor swings at "
-        f"{swinging.rate / math.tau:.3g} Hz{around}: {stop_claim(swinging)}"
+        f"most of it of order {swinging.order} (in a detent of this order the rotor swings at "
+        f"{swinging.rate / math.tau:.3g} Hz{around}): {stop_claim(swinging)}"
     )
 
 

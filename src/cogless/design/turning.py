@@ -80,7 +80,7 @@ def unstable_turning(study: Study, scenario: str) -> Remark | None:
 
     study_here = for_scenario(study, scenario)
     samples = math.tau * study_here.drive.rates.current_loop / (study_here.motor.star().pole_pairs * lost)
-    unstable = f"from {speed_text(study, lost, 2)} on the current loop is unstable"
+    unstable = f"at {speed_text(study, lost, 2)} and above, the current loop is unstable"
     sentence = f"{unstable}: an electrical turn has only {samples:.2g} samples there"
     cures = tuple(cure for ways in _steadier(study) for cure in first(study, ways, cured))
     return Remark(sentence + cure_words(cures), cures)

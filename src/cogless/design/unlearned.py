@@ -96,7 +96,7 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     speed = float(np.max(np.abs(omega_ref), initial=0.0))
     constant = speed > 0 and float(np.ptp(omega_ref)) <= NO_STEP * speed
     if constant and share < FOLLOWING_SHARE * time * speed / period:
-        return f"the rotor turned by {share:.2g} of the law's learning period in {time:.3g} s"
+        return f"in {time:.3g} s the rotor turned by only {share:.2g} of the law's learning period"
     whole = f" of {period / speed:.3g} s" if constant else ""
     return f"learning lasts {time:.3g} s, which is {share:.2g} of the law's learning period{whole}"
 

@@ -488,10 +488,7 @@ def warnings(study: Study, name: str, scenario: str | None = None) -> list[Remar
         remarks.append(judged.remark())
     foreign = rules_of(study, name).unfit()
     if foreign:
-        stays = (
-            "a disturbance that does not repeat in each period is learned only as far as it changes little "
-            "from one period to the next"
-        )
+        stays = "the law learns a disturbance only as far as it changes little from one period to the next"
         remarks.append(Remark(f"{foreign}: {stays}"))
     return remarks
 

@@ -90,7 +90,7 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     turning = swing(study, scenario, feedback, begins) if begins is not None else None
     if begins is None or turning is None or not turning.is_certain:
         return Remark(sentence, stop=Stop(scenario, stop_claim(swinging)))
-    turns = f"; from {speed_text(study, SPEED_RESERVE * begins, 2)} on the rotor turns"
+    turns = f"; at {speed_text(study, SPEED_RESERVE * begins, 2)} and above the rotor does not stop"
     cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
     cures = (cure,) if study.scenario[scenario].reference.kind == "constant" else ()
     return Remark(sentence + turns, cures, Stop(scenario, stop_claim(swinging), turns))
@@ -253,12 +253,13 @@ def _costs(edges: _Edges) -> str:
     if edges.source.hall:
         remains = "none" if edges.spent else f"{math.degrees(edges.late_margins.phase_margin):.0f} deg"
         return f"{speed_is_late}, which leaves {remains} of the {math.degrees(has):.0f} deg of phase margin"
-    late_costs = f"{speed_is_late}, which takes {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
+    lag = f"{math.degrees(edges.margins.crossover * edges.late):.0f} deg of lag at the crossover"
     high = (
-        "; when the rotor stops and goes, the measured speed is too high: by 10 % if every other "
-        "edge takes twice as long"
+        "; when the rotor stops and goes, the measured speed is too high: by 10 % if every second interval "
+        "between edges is twice as long"
     )
-    return f"{late_costs} of the {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
+    margin = f"the phase margin without this lag is {math.degrees(has):.0f} deg"
+    return f"{speed_is_late}, which is {lag}; {margin}{high if edges.spent else ''}"
 
 
 def reads_zero(study: Study, scenario: str) -> Remark | None:
@@ -274,7 +275,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     if source.counts(omega) >= SPEED_COUNTS_LEAST:
         return None
     comes = f"at {speed_text(study, omega)} {source.counts_clause(omega)}"
-    reads = f"{comes}: most samples read 0, the others {speed_text(study, source.count / source.window)}"
+    reads = f"{comes}: most speed samples are 0, the others {speed_text(study, source.count / source.window)}"
     edges_of = {name: _edges(study, name, scenario) for name in study.controllers_in(scenario)}
     before = {name: edges for name, edges in edges_of.items() if edges is not None}
 
@@ -286,7 +287,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
         )
 
     cures = helping(study, (timed_edges(study),), cured)
-    timed = f"; {either(cures)} would time the edges, and leave less ripple by calculation"
+    timed = f"; {either(cures)} would time the edges, and by calculation leave less ripple"
     return Remark(f"{reads}{timed}" if cures else reads, cures)
 
 
@@ -407,8 +408,11 @@ def _coarse_table(study: Study) -> list[str]:
     main, highest = main_order(study, 0), table.highest(study.motor.pole_pairs)
     if main <= highest:
         return []
-    shows = f"its {table.points} points show orders up to {highest}"
-    return [f"motor.cogging_table: {shows}; the cogging's main order, {main}, appears as a lower order"]
+    needed = 2 * math.ceil(main / (study.motor.pole_pairs if table.frame == "electrical" else 1)) + 1
+    return [
+        f"motor.cogging_table: {table.points} points show orders up to {highest}, so the cogging's main "
+        f"order, {main}, looks like a lower order: expected {needed} points or more"
+    ]
 
 
 def _orders_of_other_slots(study: Study) -> list[str]:
@@ -437,9 +441,8 @@ def shaft_notes(study: Study) -> list[str]:
     gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
     return [
         f"mechanics.load_side: the soft shaft has an antiresonance at {low:.4g} Hz and a resonance at "
-        f"{high:.4g} Hz; the margins include the shaft{' with its gap closed' if gap else ''}, but the "
-        "tuning rules "
-        "take motor and load as one mass"
+        f"{high:.4g} Hz; the printed margins include this shaft{' with its gap closed' if gap else ''}. "
+        "The tuning rules do not: they take motor and load as one mass"
     ]
 
 

@@ -21,8 +21,8 @@ SIGN_CHECK = (
     "identify again from new logs: the encoder's orders are gone; with the wrong sign they are twice as large"
 )
 MOVED_NOTE = (
-    "This correction moves the index of the cogging table: afterwards record new logs and write a new "
-    "cogging table."
+    "This correction shifts the angle over which the drive reads its cogging table: afterwards record new "
+    "logs and write a new cogging table."
 )
 SIMPLEFOC_TEXT = """\
 // Encoder correction for SimpleFOC, by cogless. CalibratedSensor of its drivers subtracts it:
@@ -92,8 +92,8 @@ def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
         remove=f'in tview: "conf set {prefix}.compensation_scale 0", then "conf write"',
         sign_check=SIGN_CHECK,
         notes=(
-            "This correction moves the index of the cogging table: calibrate, record new logs and write a "
-            "new cogging table.",
+            "This correction shifts the angle over which moteus reads its cogging table: calibrate, record "
+            "new logs and write a new cogging table.",
         ),
     )
 
@@ -132,8 +132,8 @@ def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
         remove="link the sensor itself: motor.linkSensor(&sensor)",
         sign_check=SIGN_CHECK,
         notes=(
-            "CalibratedSensor(sensor, count, table) is in the source of SimpleFOC's drivers at 011c612. "
-            "Releases whose CalibratedSensor takes only the sensor take no table.",
+            "The sketch needs CalibratedSensor(sensor, count, table), which commit 011c612 of SimpleFOC's "
+            "drivers has. A release whose CalibratedSensor takes only the sensor can't use the table.",
             MOVED_NOTE,
         ),
     )

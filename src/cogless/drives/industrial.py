@@ -38,9 +38,9 @@ def write_akd(current: HoldingCurrent, frame: TableFrame) -> TableText:
         sign_check="import 30 % of the table, then -30 %, each at a slow speed: the ripple falls with the "
         "first and grows with the second",
         notes=(
-            "The manual says neither the sign, nor whether a current is peak or rms, nor the file's layout: "
-            "first export the drive's own table, then give this table the same layout. If 71 % of this table "
-            "leaves less ripple than all of it, the drive's currents are rms.",
+            "The manual says neither the sign, nor whether a current is peak or rms, nor the file's layout. "
+            "First export the drive's own table, then give this table the same layout. Try 71 % of the table "
+            "(1/sqrt(2)), too: if it leaves less ripple, the drive's currents are rms, so keep 71 %.",
         ),
     )
 

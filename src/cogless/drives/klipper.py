@@ -199,7 +199,8 @@ KLIPPER = Adapter(
     title="Klipper",
     reads=(
         Feature(
-            "ramps of an axis by ACCELEROMETER_MEASURE (CSV): correction of its step motor", Certainty.SOURCE
+            "logs of ACCELEROMETER_MEASURE (CSV) during speed ramps of an axis, to correct its step motor",
+            Certainty.SOURCE,
         ),
     ),
     writes=(),

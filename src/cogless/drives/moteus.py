@@ -117,8 +117,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
     if without is not None and directions:
         raise StudyError(
-            f"{without.path} lacks the angle that indexes the cogging table, which other logs have: "
-            "expected the channel motor_position beside each log"
+            f"{without.path} lacks the angle over which moteus reads its cogging table, which other "
+            "logs have: expected the channel motor_position beside each log"
         )
     frame = replace(
         max(frames, key=lambda frame: frame.zero_error),
@@ -182,8 +182,8 @@ def _partner(path: Path, position: LogColumns, stats: Mapping[Path, LogColumns])
         return named if named in overlapping else overlapping[0]
     those = ", ".join(other.name for other in overlapping) or "none"
     raise StudyError(
-        f"{path}: logs of channel {STATS_CHANNEL} at the same time: {those}: expected one, or two file names "
-        f"that differ only in {POSITION_CHANNEL} and {STATS_CHANNEL}"
+        f"{path}: expected one log of channel {STATS_CHANNEL} from the same time (found: {those}), or two "
+        f"files with the same name, except for {POSITION_CHANNEL} and {STATS_CHANNEL}"
     )
 
 
@@ -341,9 +341,9 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
     name, filtered = _filtered(dump), log.position.get(_filtered(dump))
     if filtered is None:
         lacking = (
-            f"{log.path} lacks the angle that indexes the cogging table. It has only the output's position, "
-            f"whose zero moves: expected channel {POSITION_CHANNEL} ({name}), or the register "
-            f"ENCODER_{dump.source}_POSITION"
+            f"{log.path} lacks the angle over which moteus reads its cogging table. The output's position "
+            f"does not replace it, since its zero may change: expected channel {POSITION_CHANNEL} ({name}), "
+            f"or the register ENCODER_{dump.source}_POSITION"
         )
         return recording, TableFrame("moteus", lacking=lacking), []
     cpr = dump.above_zero(f"motor_position.sources.{dump.source}.cpr", "counts of a turn")
@@ -359,8 +359,8 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
         )
     signals["theta"] = theta + laid.offset
     remark = (
-        f"{log.name}: the table's index is derived from the logged position, with an offset of "
-        f"{math.degrees(laid.offset):.2f} +- {math.degrees(laid.error):.2g} deg."
+        f"{log.name}: the angle over which moteus reads its cogging table is the logged position plus "
+        f"{math.degrees(laid.offset):.2f} deg (+-{math.degrees(laid.error):.2g})."
     )
     frame = TableFrame("moteus", laid.direction, zero=True, zero_error=laid.error)
     return replace(recording, remarks=remarks), frame, [remark]

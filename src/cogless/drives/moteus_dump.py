@@ -90,8 +90,8 @@ def read_dump(path: Path) -> Dump:
         raise StudyError(f"{path}: {key}: {dump.ratio:g}: expected a number above zero")
     if dump.number(f"{prefix}.reference", "0 or 1", 0.0) == 1 and dump.ratio != 1:
         raise StudyError(
-            f"{path}: {prefix}.reference: 1: expected 0, a commutation source on the rotor: behind "
-            "the gear, one rotor angle has several places in the table"
+            f"{path}: {prefix}.reference: 1: expected 0, a commutation source on the rotor: an encoder "
+            "behind the gear gives one rotor angle several places in the cogging table"
         )
     return dump
 

@@ -36,8 +36,8 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
         install='start = { table = "FILE", sign = "holding" } in a controller of a study; in firmware, add '
         "this current to i_q_ref",
         remove="remove that line",
-        sign_check="30 % of it, then -30 %, each at a slow speed: the ripple falls with the first and "
-        "grows with the second",
+        sign_check="add 30 % of the table, then -30 %, each at a slow speed: the ripple falls with the first "
+        "and grows with the second",
     )
 
 

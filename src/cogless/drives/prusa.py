@@ -214,8 +214,8 @@ def _checked_share(correction: Correction) -> tuple[float, float]:
 
 def _holds(share: float, largest: float) -> list[str]:
     return [
-        f"The table holds every order in each direction. Its steps of 1/{PHASE_STEPS} turn leave "
-        f"{share:.1%}.",
+        "The table can hold every order in each direction. Because of its steps of "
+        f"1/{PHASE_STEPS} turn, it differs from the correction by {share:.1%} (rms).",
         f"The largest shift is {largest:.3f} rad. The firmware's table wraps at {PHASE_MOST:.3f} rad.",
     ]
 
@@ -248,16 +248,19 @@ def write_m971(correction: Correction) -> CorrectionText:
         "\n".join([*lines, f"M970 {letter}1"]) + "\n",
         share,
         _holds(share, largest),
-        install="first save what M971 alone prints; then send FILE to the printer once, and its M971 stores "
-        "the table",
-        remove=f"M970 {letter}0, M971 {letter} F B R, M970 {letter}1; or the printer's own calibration",
+        install="first send M971 alone, and save the printer's answer, which is its present table; then send "
+        "FILE once: the printer stores the new table",
+        remove=f"M970 {letter}0 (phase stepping off), M971 {letter} F B R (reset both tables), M970 "
+        f"{letter}1 (phase stepping on); or run the printer's own calibration",
     )
 
 
 PRUSA = Adapter(
     name="prusa",
     title="Prusa, firmware whose M973 sets corrections",
-    reads=(Feature("runs by M974 (printed lines): correction of a step motor", Certainty.SOURCE),),
+    reads=(
+        Feature("what the printer sends during runs with M974, to correct a step motor", Certainty.SOURCE),
+    ),
     writes=(Feature("M973 lines, one table for each direction", Certainty.SOURCE),),
     identify_runs=identify_runs,
     write_runs=write_runs,

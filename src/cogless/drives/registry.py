@@ -147,7 +147,9 @@ def own_law(drive: str, configuration: Path | None) -> dict[str, Any]:
 
 def _log_rules(speeds: Mapping[str, Sequence[tuple[float, float]]], pattern: str) -> str:
     """The file of --config for the logs that a script records: it has the reference of each log."""
-    lines = ["# What the script asks for: identify plays these logs with the drive's own law."]
+    lines = [
+        "# The speed that the script commands in each log. identify simulates the drive's own law with it."
+    ]
     for number, (name, points) in enumerate(speeds.items()):
         profile = [[f"{t:.6g} s", f"{speed:.6g} rad/s"] for t, speed in ramped(points)]
         lines += [

@@ -102,8 +102,9 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         most = float(np.nanmax(np.abs(signals["i_q"])))
         if most < CURRENT_LEAST:
             raise StudyError(
-                f"{path}: Iq never exceeds {1e3 * most:.2g} mA: expected {1e3 * CURRENT_LEAST:g} mA or more; "
-                "without motor.monitor_variables the monitor prints target, Uq (V), velocity, angle"
+                f"{path}: Iq never exceeds {1e3 * most:.2g} mA: expected {1e3 * CURRENT_LEAST:g} mA or more. "
+                "Perhaps it is no current: without motor.monitor_variables the monitor prints target, Uq "
+                "(V), velocity, angle"
             )
         if period is not None:
             signals["t"] = period * np.arange(len(values))
@@ -214,8 +215,8 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
         frame,
         introduction=INTRODUCTION_TEXT,
         install="copy FILE into the sketch, #include it, and call it in loop() as its first lines say",
-        note="SimpleFOC adds this current after current_limit. Its source has feed_forward_current at "
-        "7f9c45f; older releases lack it.",
+        note="SimpleFOC adds this current after current_limit. The sketch needs feed_forward_current, which "
+        "commit 7f9c45f of Arduino-FOC has; older releases do not.",
     )
 
 

@@ -212,7 +212,7 @@ def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[st
     if not turns:
         lines.append(
             f"{path.name}: no {ENCODER_HEADING} that turns with {SPEED_HEADING}: the angle is the speed's "
-            "integral, so no order has a place on the rotor."
+            "integral, so the phase of an order on the rotor is unknown."
         )
     else:  # Between two rows the rotor may make more than half a turn; the speed says how many.
         theta = turned + np.unwrap(encoder - turned)

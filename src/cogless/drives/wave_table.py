@@ -171,7 +171,7 @@ def write(correction: Correction, chip: str) -> CorrectionText:
         "\n".join(wave.config_lines()) + "\n",
         share,
         [
-            f"The table leaves {share:.0%} of the correction: a wave table holds only the sine of "
+            f"The table lacks {share:.0%} of the correction (rms): it can hold only the sine of "
             f"order 4, {size_held:+.4f} rad here, the same in both directions.",
             f"A wave table can't hold orders {', '.join(map(str, others))} or the cosine of order 4.",
         ],

@@ -327,7 +327,7 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
         raise StudyError(f"{refusal} {', '.join(base.scenario)}")
     controllers = {law: _controller(arena, plant, law) for law in laws}
     absent = {
-        law: "the arena gives this plant the gains of another feedback than this law's"
+        law: "the arena's gains for this plant are for another kind of feedback than this law's"
         for law, table in controllers.items()
         if table is None
     }

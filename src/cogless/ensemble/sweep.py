@@ -333,8 +333,8 @@ def merge(planned: Plan, folder: Path) -> Sweep:
         expected_chunks = planned.part(shard)
         if not set(expected_chunks) <= set(chunks):
             raise StudyError(
-                f"{path}: {len(chunks)} of {len(expected_chunks)} chunks: expected a finished shard; the "
-                "command that began this shard goes on with it"
+                f"{path}: {len(chunks)} of {len(expected_chunks)} chunks: expected a finished shard: repeat "
+                "the command that began it, which does the other chunks"
             )
         finished |= chunks
     return _gathered(planned, finished)

@@ -286,7 +286,8 @@ def outcome_lines(tuned: Tuned) -> list[str]:
     worth = f"{name}: {100 * after.value:.1f} % of the value before, over {count} fresh variants"
     if before.violation or after.violation:
         worth += (
-            f"; limits missed by {100 * before.violation:.1f} % before, {100 * after.violation:.1f} % now"
+            f"; beyond the limits by {100 * before.violation:.1f} % before, {100 * after.violation:.1f} % "
+            "now (sum, in % of each limit)"
         )
     if not tuned.adopted:
         worth += "; not better, so the values stay as they were"

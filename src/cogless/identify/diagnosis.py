@@ -193,9 +193,8 @@ def _without(logs: Sequence[Log]) -> list[str]:
         if "theta" not in log and "omega" in log:
             remarks.append(
                 Advice(
-                    f"{log.name}: no angle: orders are from the integral of the speed, and have no place on "
-                    "the "
-                    "rotor; record the encoder's angle as theta.",
+                    f"{log.name}: no angle: the angle is the speed's integral, so the phase of an order on "
+                    "the rotor is unknown; record the encoder's angle as theta.",
                     recording(signal="theta", log=log.name),
                 )
             )
@@ -244,11 +243,9 @@ def _of_one_speed(orders: Sequence[OrderCauses], parts: Sequence[Steady]) -> lis
         return []
     return [
         Advice(
-            f"{_named(either)}: one speed cannot tell an error of the angle from a torque. The error is the "
-            "same "
-            "at every speed; the motion that a torque makes falls with the speed squared. Record a second "
-            "speed, "
-            "and an acceleration log.",
+            f"{_named(either)}: from one speed, an error of the angle cannot be told apart from a torque. "
+            "The error is the same at every speed; the motion that a torque makes falls with the speed "
+            "squared. Record a second speed, and an acceleration log, which gives the inertia.",
             logs_of_kind("constant-speed", "acceleration"),
         )
     ]
@@ -303,7 +300,8 @@ def _opposed(orders: Sequence[OrderCauses]) -> list[str]:
         if entry.share >= LINE_SHARE_LEAST and entry.causes[0].share > 1 + CANCELLED_SHARE and against:
             remarks.append(
                 f"Order {entry.order} in {entry.log}: {entry.causes[0].name} and {against[-1].name} oppose "
-                "each other; shares are of the ripple that is left, so one is above 100 %, and one below 0."
+                "each other. Shares are of the ripple that is left, their difference, so one is above 100 %, "
+                "and one below 0."
             )
     return remarks
 
@@ -374,7 +372,7 @@ def answer(diagnosis: Diagnosis) -> str:
     where = "1 log" if len(logs) == 1 else f"{len(shares)} of {len(logs)} logs"
     verdict = ", which cannot be told apart here" if OR in name else ""
     if name == BEYOND:
-        verdict = "; the logs show it as a slower wave"
+        verdict = ", so the logs show it as a slower wave"
     return f"Most of the ripple is {name}{verdict}: {span} of the ripple's square in {where}."
 
 

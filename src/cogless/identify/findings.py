@@ -64,10 +64,9 @@ def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Lo
             lag, correlation, gain = law
             sentences.append(
                 Advice(
-                    f"{log.name}: i_q follows the speed of {lag} samples earlier (correlation "
-                    f"{correlation:.4f}, "
-                    f"{-gain:.3g} A*s/rad): i_q shows the feedback law, and little of the motor; "
-                    "add an acceleration log.",
+                    f"{log.name}: i_q follows the speed with a gain of {-gain:.3g} A*s/rad, {lag} samples "
+                    f"late (correlation {correlation:.4f}). So it shows the feedback law, and little of the "
+                    "motor; add an acceleration log.",
                     logs_of_kind("acceleration"),
                 )
             )
@@ -398,9 +397,9 @@ def _without_sidebands(estimate: Estimate, cogging: tuple[Wave, ...]) -> tuple[t
             out |= {wave.order for wave in weaker}
             sentences.append(
                 Advice(
-                    f"Order {' and '.join(str(wave.order) for wave in weaker)} near the larger order "
-                    f"{main.order}: cogging and an encoder's error of order {k} ({degrees:.2g} deg) cannot "
-                    "be told apart; add a faster log.",
+                    f"Order {' and '.join(str(wave.order) for wave in weaker)} may be cogging, or come from "
+                    f"the larger order {main.order} by an encoder's error of order {k} ({degrees:.2g} deg), "
+                    "which distorts it; add a faster log.",
                     logs_of_kind("constant-speed"),
                 )
             )

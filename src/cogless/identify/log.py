@@ -174,9 +174,10 @@ def _no_clock(where: str, signal: str, identification: Identification) -> str:
     """The mistake of times of day in a column other than the time, or in a time with unit, sign or scale."""
     heading = identification.columns[signal].name
     if signal != "t":
-        return f"{where}: {heading}: times of day: expected numbers, or columns.t.name = {_quoted([heading])}"
+        time = f"if this is the time, columns.t.name = {_quoted([heading])}"
+        return f"{where}: {heading}: holds times of day: expected numbers, or {time}"
     return Advice(
-        f"{where}: {heading}: times of day, which become seconds: expected columns.t without unit, "
+        f"{where}: {heading}: cogless converts times of day to seconds: expected columns.t without unit, "
         "sign or scale",
         {"columns.t": heading},
     )
@@ -194,7 +195,7 @@ def _lacking(
     lacking = {signal: identification.columns[signal].name for signal in signals}
     nearest = _nearest(lacking, [heading for heading in headings if heading not in used])
     listed = ", ".join(
-        f'"{heading}" ({signal}{f", near {_quoted([nearest[signal]])}" if signal in nearest else ""})'
+        f'"{heading}" ({signal}{f"; similar: {_quoted([nearest[signal]])}" if signal in nearest else ""})'
         for signal, heading in lacking.items()
     )
     others = "" if nearest else f"; it has {_quoted(headings[:HEADINGS_SHOWN])}"

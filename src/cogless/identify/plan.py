@@ -157,7 +157,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     if isinstance(study.drive.position_sensor, Hall):
         raise StudyError(
             f"{study.source.path}: drive.position_sensor: Hall sensors show six angles of an electrical "
-            "revolution, too few for cogging and friction: expected an encoder, for the time of the logs"
+            "revolution, too few for cogging and friction: expected an encoder while the logs are recorded"
         )
     feedback = _feedback(study)
     source = study.source.tables

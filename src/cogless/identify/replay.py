@@ -197,8 +197,8 @@ def refined(estimate: Estimate, progress: Progress) -> tuple[Estimate, dict[str,
             without = ", ".join(sorted(controlled - traces.keys()))
             sentence = (
                 f"Not simulated: {without}. {UNCORRECTED} To be simulated, a log needs "
-                f"{estimate.identification.replay_rule}, a current loop whose rate is a multiple of the "
-                "rate of its rows, and no cogging table switched on."
+                f"{estimate.identification.replay_rule}. The rate of the current loop must be a multiple of "
+                "that of the log's rows, and no cogging table may have been on."
             )
             if not traces:
                 return _with_remark(first, Agreement(sentence)), traces

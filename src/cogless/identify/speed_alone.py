@@ -40,8 +40,8 @@ def sentences(orders: Sequence[OrderCauses]) -> list[str]:
             remarks.append(
                 Advice(
                     at.format("grows")
-                    + ": the encoder's error, or a torque whose ripple the controller reduces at low speed; "
-                    "record i_q.",
+                    + ": the encoder's error causes it, or a torque, whose ripple the controller reduces "
+                    "more at low speed; record i_q.",
                     recording(signal="i_q"),
                 )
             )
@@ -70,9 +70,8 @@ def _fixed(orders: Sequence[OrderCauses]) -> list[str]:
     if len(best) == 2:
         return [
             Advice(
-                f"{says}two orders that meet by chance, or something that swings at this frequency, which "
-                "cannot "
-                "be told apart at two speeds; record a third speed.",
+                f"{says}this is chance, or something swings at this frequency, which two speeds do not tell; "
+                "record a third speed.",
                 logs_of_kind("constant-speed"),
             )
         ]

@@ -133,7 +133,8 @@ def _of_motion(
         else:
             cure[f"columns.{signal}.scale"] = float(f"{column.scale * scale:.10g}")
     return Advice(
-        f"{log.name}: by the voltage, K_t is {times:.3g} times that in {identification.described_in}: "
+        f"{log.name}: from the logged voltage, K_t is {times:.3g} times that in "
+        f"{identification.described_in}: "
         f"{' and '.join(identification.columns[signal].name for signal in signals)} look {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
@@ -147,7 +148,7 @@ def _of_current(identification: Identification, log: Log, times: float, says: st
         if signal in log and signal in identification.columns
     }
     return Advice(
-        f"{log.name}: by the voltage, R is {times:.3g} times that in {identification.described_in}: "
+        f"{log.name}: from the logged voltage, R is {times:.3g} times that in {identification.described_in}: "
         f"{identification.columns['i_q'].name} is 1000 times too {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
@@ -199,7 +200,7 @@ def check(identification: Identification, logs: Sequence[Log]) -> list[str]:
 
 def _of_k_t(identification: Identification, measured: Value) -> str:
     described = identification.motor.star().K_t
-    says = f"By the voltage, K_t is {measured.value:.4g} +- {measured.error:.2g} N*m/A"
+    says = f"From the logged voltage, K_t is {measured.value:.4g} +- {measured.error:.2g} N*m/A"
     if abs(measured.value - described) <= measured.error:
         return Agreement(f"{says}, as {identification.described_in} has it ({described:.4g}).")
     says += f"; {identification.described_in} has {described:.4g}"
@@ -227,10 +228,10 @@ def _of_r(identification: Identification, measured: Value) -> list[str]:
         return []
     return [
         Advice(
-            f"By the voltage, R is {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times that in "
-            f"{identification.described_in} ({described:.3g}). Either i_q is in rms amperes, and all torques "
-            f"are sqrt(2) times too small, or the winding is {TEMPERATURE_RISE:.0f} K warmer; record i_a and "
-            "i_b to decide this.",
+            f"From the logged voltage, R is {measured.value:.3g} +- {measured.error:.2g} ohm, sqrt(2) times "
+            f"that in {identification.described_in} ({described:.3g}). Either i_q is in rms amperes, and all "
+            f"torques are sqrt(2) times too small, or the winding is {TEMPERATURE_RISE:.0f} K warmer; record "
+            "i_a and i_b to decide this.",
             recording(signal="i_a"),
         )
     ]

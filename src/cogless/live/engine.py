@@ -12,8 +12,8 @@ from cogless.lines import say
 from cogless.live.compile import NAMES, CompileError, cached, compiled
 
 NO_COMPILER = (
-    "live: this build has no engine for pages: run `make web`, or pip install 'cogless[web]' for the "
-    "compiler with which `cogless live` makes it"
+    "live: this build has no engine for pages: run `make web`, or pip install 'cogless[web]', with "
+    "which `cogless live` compiles the engine"
 )
 
 

@@ -44,7 +44,7 @@ END_HALVINGS = 5
 PAIRS_REPEATS = 9  # copies of a value: all but the first are tried, each with other pole pairs
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "another key of the page already sets the numbers that this key changes"
-OTHER_SHAPE = "with another value of this key, a run needs more or fewer numbers than the page holds"
+OTHER_SHAPE = "this key changes how many numbers a run needs, which is fixed in the page"
 Samples = Callable[[Candidate], list[float]]
 Columns = Mapping[Number, Mapping[float, float]]  # by number: its value at each stop
 

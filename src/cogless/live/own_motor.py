@@ -264,11 +264,11 @@ def _compare(base: PackedRuns, changed_blobs: PackedRuns, own: OwnMotor, values:
             mine = products.get(number, number.read(base[place].data))
             mine = mine if number.format in CLOSE else round(mine)
             if abs(mine - x) > CLOSE.get(number.format, 0.0) * abs(x):
-                raise _no_product(number, f": {mine!r} as a product, {x!r} by the design")
+                raise _no_product(number, f" ({mine!r} as a product, {x!r} by the design)")
 
 
 def _no_product(number: Number, difference: str) -> StudyError:
     return StudyError(
-        f"--own-motor: {number.path}: expected a number that the page can compute as a product of powers of "
-        f"the motor's values{difference}; without --own-motor cogless live accepts the study"
+        f"--own-motor: {number.path}: the page cannot compute this number from the motor's values, since it "
+        f"is no product of their powers{difference}: expected cogless live without --own-motor"
     )

@@ -130,8 +130,8 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
     count = own / period
     if count.denominator != 1:
         raise MapError(
-            f"a map over {_period_words(period)}: expected a period that fits into the law's, "
-            f"{_period_words(own)}"
+            f"a map over {_period_words(period)}: expected one over the law's period, {_period_words(own)}, "
+            "or over a whole fraction of it"
         )
     cells = law["values"].shape[1]
     if ORDER_CODE in units:

@@ -136,7 +136,9 @@ class Processor:
             self._uc.emu_start(self._image.symbols[function].address | 1, RETURN_ADDRESS)
         except self._error as error:
             at = self._uc.reg_read(self._arm.UC_ARM_REG_PC)
-            raise StudyError(f"pil: {function} at {at:#x}: {error}: expected a call that returns") from error
+            raise StudyError(
+                f"pil: {function} stopped at {at:#x} ({error}): expected a function that returns"
+            ) from error
         return int(self._uc.reg_read(self._arm.UC_ARM_REG_R0))
 
     def take_instructions(self, tally: Visits | None = None) -> int:

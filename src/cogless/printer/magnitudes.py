@@ -44,12 +44,12 @@ MODES_MISS = 0.1  # share by which a model with two modes may miss the carriage'
 CURVE_SPAN = 8.0  # highest / lowest speed at which the ripple is shown
 CURVE_SPEEDS = 40
 RUNS_NOTE = (
-    "Amplitude of the carriage's displacement that each order of the electrical revolution causes. It is "
-    "computed from the carriage's motion at the frequencies of the runs. The model of the axis is a mass on "
-    "a belt, pulled by a rotor, which a magnetic field holds like a spring. A picture ends at the highest "
-    f"frequency of the runs. Near a resonance the carriage moves more than {RESONANCE_RATIO:g} times as far "
-    "as the motor. The curves are cut there, and the ripple is larger than they show. The curve with the "
-    "correction is not a measurement: it shows the ripple that the error of the correction may leave."
+    "How far each order of the electrical revolution moves the carriage (amplitude), computed from the runs "
+    "with a model of the axis: a mass on a belt, and a rotor that the magnetic field holds like a spring. A "
+    "picture ends at the highest frequency of the runs. Near a resonance, where the carriage moves more than "
+    f"{RESONANCE_RATIO:g} times as far as the motor, the curves are cut: the ripple is larger there. The "
+    "curve with the correction is not a measurement: it shows the ripple that the correction's error may "
+    "leave."
 )
 
 

@@ -389,8 +389,8 @@ def other_causes(axis: Axis, run: Run, start: float, modes: tuple[float, ...]) -
     way, doubt = tooth_way(run, start, ramp(axis), axis)
     if way > doubt:
         remarks.append(
-            f"The belt's teeth cause {1e6 * way:.2g} um {run.direction}, a stripe every "
-            f"{1e3 * axis.belt_pitch * axis.path_share:.3g} mm; no correction removes it."
+            f"When the carriage moves {run.direction}, the belt's teeth shift it by +-{1e6 * way:.2g} um, a "
+            f"stripe every {1e3 * axis.belt_pitch * axis.path_share:.3g} mm; no correction removes it."
         )
     return remarks
 

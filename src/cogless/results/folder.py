@@ -164,7 +164,7 @@ def _place(folder: Path, name: str, make: bool = False) -> Path:
     for part in inside:
         path /= part
         if path.is_symlink():
-            raise StudyError(f"{path}: a link: expected {expected}")
+            raise StudyError(f"{path}: a symbolic link, which may lead anywhere: expected {expected}")
         if path.exists() and not path.is_dir():
             raise StudyError(f"{path}: a file: expected {expected}")
         if make:

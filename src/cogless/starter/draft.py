@@ -65,8 +65,8 @@ Feedbacks = Mapping[str, tuple[str, str]]  # kp and ki by controller
 BASE_KEY = f"controller.{LEARNING_LAW}.base"
 COMPENSATION = "drive.dead_time_compensation"
 COMPENSATED = (
-    f"Switched on: {COMPENSATION}. With it the learning law harmonic leaves less ripple. Your board's "
-    "firmware must compensate its dead time, too."
+    f"The study has {COMPENSATION}, with which the learning law harmonic leaves less ripple. Your board's "
+    "firmware must compensate the dead time of its inverter, too."
 )
 METHOD_KEYS = ("speed_method", "observer_bandwidth")
 COGGING_FREQUENCY = 40.0  # Hz, frequency of the main order at the chosen speed
@@ -239,7 +239,7 @@ def better_base(study: Study) -> tuple[int, str] | None:
     complete, roomy = rivals
     beyond = ", ".join(map(str, unlearned_orders(variants[0], LEARNING_LAW)))
     cogging = f"all orders of the cogging but {beyond}" if beyond else "all orders of the cogging"
-    learns = f"base {complete} learns {cogging}, base {roomy} the error of the sensor"
+    learns = f"either base {complete} learns {cogging}, or base {roomy} the error of the sensor"
     duration = max(run.duration for run in study.scenario.values())
     several = len(study.scenario) > 1
     of_runs = f"in {'runs' if several else 'the run'} of {duration:g} s below, with these numbers"

@@ -171,8 +171,9 @@ def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> 
 def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int) -> str:
     other_slots = _alternatives([other for other, _ in others], slots)
     if named.get("slots"):
-        return f"guess: {other_slots} is possible, too; as in the shipped study of this motor"
-    return f"guess: {other_slots} is possible, too; the winding is balanced with the poles, as in most motors"
+        return f"guess, as in the shipped study of this motor; {other_slots} is possible, too"
+    equal = f"with {slots} slots the phases are equal, as in most motors"
+    return f"guess: {other_slots} is possible, too; {equal}"
 
 
 def _alternatives(numbers: list[int], chosen: int) -> str:
@@ -232,7 +233,9 @@ def _winding(
             if name == "inductance" and resistance is not None:
                 ratio = size.time_factor / part["resistance"].typical
                 figure = part[name].scaled(ratio * resistance.value)
-                figure = because(figure, "L / R of the class, scaled by the torque to the power 2/3")
+                figure = because(
+                    figure, "usual L / R of this class of motors, times (torque / usual torque)^(2/3)"
+                )
             sheet.guess(section, key, figure, dimension, path="motor", name=f"{name} between two terminals")
     if stated:
         sheet.remarks.append(f"Winding: {'; '.join(stated)}.")
@@ -243,7 +246,11 @@ def is_same_size(factor: float) -> bool:
 
 
 def adapted(figure: Figure, same: bool) -> Figure:
-    return figure if same else because(figure, f"the class's ({figure.reason}), scaled to this motor's size")
+    return (
+        figure
+        if same
+        else because(figure, f"usual in this class of motors ({figure.reason}), scaled to this motor's size")
+    )
 
 
 def _shares(part: Part, layout: tuple[int, int]) -> dict[str, Figure]:
@@ -252,9 +259,8 @@ def _shares(part: Part, layout: tuple[int, int]) -> dict[str, Figure]:
     factor = math.gcd(*layout) / math.gcd(*part.layouts[0])
     if factor != 1:
         slots, poles = layout
-        reason = (
-            f"{shares['cogging'].reason}; scaled by the common divisor of {slots} slots and {poles} poles"
-        )
+        divisor = f"the greatest common divisor of {slots} slots and {poles} poles"
+        reason = f"{shares['cogging'].reason}; in proportion to {divisor}"
         shares["cogging"] = because(shares["cogging"].scaled(factor), reason)
     return shares
 
@@ -272,7 +278,8 @@ def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, 
     splits = [_split(total, shares, layout, end) for end in ("typical", "low", "high")]
     text = request.numbers["cogging"].text
     reason = (
-        f"this order's part of {text}, half of peak to peak of all orders together, split as in the class"
+        f"{text} is half of peak to peak of all orders together; this order has the share that is usual in "
+        "this class of motors"
     )
     return {
         key: Figure(
@@ -439,7 +446,10 @@ def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
             figure = adapted(part[name].scaled(factor), is_same_size(factor))
             if name == "inductance" and resistance:
                 ratio = part["inductance"].scaled(resistance / part["resistance"].typical)
-                figure = because(ratio.scaled(size.time_factor), "L / R of the class, scaled")
+                figure = because(
+                    ratio.scaled(size.time_factor),
+                    "usual L / R of this class of motors, scaled to this motor's size",
+                )
             sheet.guess(section, key, figure, dimension, path="motor", name=f"{name} of a coil")
     _holding(sheet, section, request, part)
     _detent(sheet, section, request, part, size)
@@ -495,7 +505,9 @@ def detent_friction(part: Part, detent: float) -> Figure:
     friction, cogging = part["friction"], part["cogging"]
     share = friction.typical / (friction.typical + cogging.typical)
     ends = (share / 2, min(0.9, 1.5 * share))
-    reason = "its part of what turns the motor without current, as in the class"
+    reason = (
+        "friction in the torque that turns the motor without current; usual share in this class of motors"
+    )
     return Figure(
         typical=share * detent, low=ends[0] * detent, high=ends[1] * detent, reason=reason, is_guess=True
     )

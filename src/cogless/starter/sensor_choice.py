@@ -32,7 +32,7 @@ CROSSOVER_TIMES = 3.0  # bandwidth of an observer over the crossover: docs/theor
 OBSERVER_ROUNDS = 6  # rounds of the search for a bandwidth
 FIRST_SHARE = 1 / 20  # bandwidth at which the search begins / rate of the speed loop
 SLOWEST_OBSERVER = 2.0  # Hz, bandwidth that is allowed even where counts come slowly
-BY_RULE = "three times the speed loop's crossover, but no faster than counts come"
+BY_RULE = "three times the speed loop's crossover, or less if counts come too rarely"
 TRIED = "chosen by runs: with it harmonic leaves less ripple"
 UNFITTED_BANDWIDTH = "100 Hz"  # bandwidth in the study that fit_observer is given
 

@@ -325,7 +325,7 @@ def _block_commutated(by_word: Mapping[str, float], first: str, other: str) -> s
 
 def _why(one: float, other: float) -> str:
     times = max(one, other) / min(one, other) if one and other else math.inf
-    return mixed_up(times, FACTOR_TOLERANCE) or f", not to differ by a factor of {times:.3g}"
+    return mixed_up(times, FACTOR_TOLERANCE) or f"; they differ by a factor of {times:.3g}"
 
 
 def mixed_up(times: float, near: float) -> str:

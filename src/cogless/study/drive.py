@@ -101,7 +101,9 @@ class Quality(Table):
     @model_validator(mode="after")
     def _outlier(self) -> Self:
         if 0 < self.outlier < 1:
-            raise invalid("expected 1 or more, or 0 to learn from every error", "outlier")
+            raise invalid(
+                "expected 1 or more (times the rms error), or 0 to learn from every error", "outlier"
+            )
         return self
 
 
@@ -363,7 +365,8 @@ class EncoderTable(Table):
             )
         if self.limit * self.orders[-1] > 1:
             raise invalid(
-                f"expected at most {1 / self.orders[-1]:.3g} rad, 1 rad over the highest order", "limit"
+                f"expected at most {1 / self.orders[-1]:.3g} rad (1 rad divided by the highest order)",
+                "limit",
             )
         if not self.omega_min:
             raise invalid("expected a speed above zero", "omega_min")
@@ -493,7 +496,9 @@ class Drive(Table):
         share, word = (0.25, "a quarter") if inverter.pwm == "centre" else (0.5, "half")
         longest = share / self.rates.current_loop
         if inverter.minimum_pulse + inverter.dead_time >= longest:
-            expected = f"expected a sum with dead_time below {longest:.3g} s, {word} of a current-loop period"
+            expected = (
+                f"expected minimum_pulse + dead_time below {longest:.3g} s, {word} of a current-loop period"
+            )
             raise invalid(expected, "inverter", "minimum_pulse")
         return self
 

@@ -37,7 +37,7 @@ EXPECTED = {
     "less_than_equal": "expected a number of {le:g} or less",
     "too_short": "expected {min_length} or more",
     "union_tag_invalid": "expected one of {expected_tags}",
-    "union_tag_not_found": "expected a value that says which kind this table is",
+    "union_tag_not_found": "expected a key that says what kind of table this is",
     "literal_error": "expected {expected}",
 }
 OF_WORDS, WORDS = ("union_tag_invalid", "literal_error"), re.compile(r'"([^"]+)"')

@@ -218,8 +218,8 @@ def orders(study: Study) -> None:
             fewest = whole_revolutions(counted)
             if turns_held(turns * span, turns / study.trace_rate) < fewest:
                 frame = "electrical" if metric.by_electrical_turn else "mechanical"
-                expected = f"expected {fewest} or more {frame} revolutions at the top speed"
-                span_words = f'of scenario "{name}", not {turns * span:.3g}'
+                expected = f"expected a window of {fewest} or more {frame} revolutions at the top speed"
+                span_words = f'of scenario "{name}", not of {turns * span:.3g}'
                 raise invalid(f"{expected} {span_words}", "metric", index, key)
             if max(counted) * turns < half:
                 continue

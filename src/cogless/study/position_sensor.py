@@ -107,7 +107,7 @@ class Counted(Mounted):
             raise excluded("latency", "speed_method", since, 'set speed_method = "M"')
         slope = sum(abs(part["order"] * part["amplitude"]) for part in self.orders)
         if slope >= 1:
-            expected = "expected a sum of all order * amplitude below 1 rad"
+            expected = "expected waves whose products order * amplitude add up to less than 1 rad"
             raise invalid(
                 f"{expected}: otherwise the measured angle runs backward",
                 "error" if self.error else "eccentricity",

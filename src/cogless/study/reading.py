@@ -568,7 +568,7 @@ def _origins(problem: Problem, source: Source, prefix: str) -> str:
         return origins
     of_file = by if of_key else key
     if prefix:
-        return f"{origins}: give the override the whole table {dotted(of_file[:-1])}, without {of_file[-1]}"
+        return f"{origins}: write all of table {dotted(of_file[:-1])} except {of_file[-1]} into the override"
     return f"{origins}: add --set {dotted(of_file)}= to delete {of_file[-1]}"
 
 

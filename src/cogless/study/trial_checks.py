@@ -31,11 +31,13 @@ def plant(study: TrialStudy) -> None:
     drive = {"motor": study.motor, "mechanics": study.mechanics, "drive": study.drive}
     for key, table in drive.items():
         if study.plant is not None and table is not None:
-            since = "there is a table plant, a linear plant without a drive"
+            since = "the table [plant] is a linear plant without a drive"
             raise excluded(key, "plant", since, "delete plant")
         if study.plant is None and table is None:
             raise invalid(
-                "expected this table, or plant in place of motor, mechanics and drive", key, value="missing"
+                "expected this table, or [plant] in place of [motor], [mechanics] and [drive]",
+                key,
+                value="missing",
             )
 
 
@@ -73,8 +75,9 @@ def samples(study: TrialStudy) -> None:
             raise invalid(expected, "scenario", name, "duration")
         rows = round(count) * scenario.trials * max(1.0, study.period * (study.trace.rate or 0.0))
         if rows > TRACE_ROWS_MOST:
-            expected = f"expected at most {TRACE_ROWS_MOST * scenario.trials / rows:.0f}: {rows:.3g} rows"
-            raise invalid(f"{expected} are too many for the trace", "scenario", name, "trials")
+            most = TRACE_ROWS_MOST * scenario.trials / rows
+            expected = f"expected at most {most:.0f}: {scenario.trials} trials make {rows:.3g} rows"
+            raise invalid(f"{expected}, too many for the trace", "scenario", name, "trials")
         for controller in study.controllers_in(name):
             if study.controller[controller].BY_MATRIX and round(count) > LARGEST_MATRIX:
                 expected = (

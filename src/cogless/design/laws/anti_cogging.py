@@ -137,10 +137,10 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     run_does = f"turns too fast to record order {most} ({most * speed / math.tau:.3g} Hz) well"
     if added > np.max(remaining):
         run_does = (
-            f"records from {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after a reversal on, before the "
-            "rotor has settled"
+            f"begins to record {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after a reversal, when the "
+            "rotor has not settled yet"
         )
-    return f"{run_does}: with the table the ripple would be {share:.2g} times that without"
+    return f"{run_does}: with the table the ripple would be {share:.2g} times as large as without it"
 
 
 class AntiCoggingRules(FeedbackRules[AntiCogging]):

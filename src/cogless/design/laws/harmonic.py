@@ -228,14 +228,17 @@ class Certified:
             several = self.slow[0] < self.slow[1]
             of = f"s {self.slow[0]} to {self.slow[1]} are" if several else f" {self.slow[0]} is"
             slow = f". Order{of} too slow to be judged"
-        swings = f" (uncertain: with the feedback alone the speed's ripple is {100 * self.swing:.0f} % rms)"
+        swings = (
+            " (uncertain, since the model is for small ripple: with the feedback alone the ripple is "
+            f"{100 * self.swing:.0f} % of the speed, rms)"
+        )
         late = f"orders up to {self.late} converge" if self.late else "the lowest order may not converge"
         return (
-            f"at {self.omega_m / RPM:.4g} rpm orders up to {self.acting}{_held_words(self.held_orders)} "
-            f"begin to learn at a rate of {self.rate:.3g} 1/s. They settle together at "
-            f"{'any rate' if self.most is None else f'rates below {self.most:.3g} 1/s'}, and "
-            f"{'converge' if self.gamma > 0 else 'may not all converge'} if K_t/J is 50 % off "
-            f"(Re Gamma {self.gamma:.2f} or more; needed: above 0). With one sample of unknown delay {late}"
+            f"at {self.omega_m / RPM:.4g} rpm orders up to {self.acting}{_held_words(self.held_orders)}, "
+            f"with a learning rate of {self.rate:.3g} 1/s at first. Together they settle with "
+            f"{'any rate' if self.most is None else f'rates below {self.most:.3g} 1/s'}. If K_t/J is 50 % "
+            f"wrong, they {'still' if self.gamma > 0 else 'may not all'} converge (least Re Gamma: "
+            f"{self.gamma:.2f}; must be above 0). If a sample of delay is not in the model, {late}"
             f"{slow}{swings if self.swing > STALLING_RATIO else ''}"
         )
 
@@ -266,8 +269,8 @@ class Certificate:
             highest = self.learner.base * self.learner.orders
             least = f"{ORDER_ANGLE_LEAST:g} rad a sample"
             return (
-                f"not judged: all references are too slow: even the phase of order {highest} turns by less "
-                f"than {least}"
+                f"not judged: all references are too slow, since even a wave of order {highest} advances by "
+                f"less than {least}"
             )
         if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
@@ -276,7 +279,7 @@ class Certificate:
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
-            ends = [f"learns no order from {' or from '.join(bands)} Hz", *ends]
+            ends = [f"learns no order of a frequency from {' or from '.join(bands)} Hz", *ends]
         if self.straight is not None:
             ends += [f"learns an eccentric sensor's error up to {self.straight / RPM:.4g} rpm"]
         return "; ".join([f"learns {self.learner.order_words}", *phrases, *ends])
@@ -288,7 +291,7 @@ def _held_words(orders: tuple[int, ...]) -> str:
     exceptions = (
         f"{len(orders)} orders from {orders[0]} to {orders[-1]}" if len(orders) > 1 else f"{orders[0]}"
     )
-    return f", except {exceptions},"
+    return f", except {exceptions}"
 
 
 def certificate(study: Study, name: str) -> Certificate:
@@ -509,7 +512,10 @@ def _no_room(study: Study, name: str) -> Remark | None:
     roomy = roomy_base(own_study)
     often = "twice" if least > 1 + BENDS_FROM[0] else "once"
     base = learner(study, name).base
-    sentence = f"base {base} is too low to learn an error of the position sensor that comes {often} a turn"
+    sentence = (
+        f"base {base} puts the learned orders too close together to learn an error of the position sensor "
+        f"that comes {often} a turn"
+    )
     change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
     cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
     if not cures:
@@ -518,7 +524,9 @@ def _no_room(study: Study, name: str) -> Remark | None:
         {wave.order for wave in own_study.motor.star().cogging if wave.torque and wave.order % roomy}
     )
     but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
-    return Remark(f"{sentence}; with {either(cures)} it would learn this{but if cogging else ''}", cures)
+    return Remark(
+        f"{sentence}; with {either(cures)} it would learn this error{but if cogging else ''}", cures
+    )
 
 
 def rival_bases(study: Study, name: str) -> tuple[int, int] | None:

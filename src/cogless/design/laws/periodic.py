@@ -96,7 +96,7 @@ class PeriodicLoop(LearningLoop):
         if samples < 4:
             return f"{sentence}but the law needs at least 4"
         if self.lead > samples / 4:
-            return f"{sentence}of which the lead, {self.lead} samples, is more than a quarter"
+            return f"{sentence}but the lead has {self.lead}: it may have at most a quarter of a period"
         return f"{sentence}but the Q filter needs {wide + 1}"
 
     @property
@@ -128,8 +128,8 @@ class PeriodicLoop(LearningLoop):
                 frequency = loop.worst().frequency if swings is None else swings.frequency
                 least = speed_text(self.study, amplitude * 2**n / math.sqrt(2), digits=2)
                 return (
-                    f"the switching term beta_1 sgn S keeps up an oscillation at {frequency:.0f} Hz, a "
-                    f"ripple of {least} rms or more"
+                    f"the law's switching term, of gain beta_1, may keep alive an oscillation at "
+                    f"{frequency:.0f} Hz with a ripple of {least} rms or more"
                 )
         return None
 

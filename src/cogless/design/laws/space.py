@@ -76,7 +76,7 @@ class SpaceLoop(LearningLoop):
         if error <= self.law.eta_bar:
             return None
         leaves = f"the gain k alone leaves a speed error of up to {speed_text(self.study, error)}"
-        return f"{leaves}, more than eta_bar: the law may never learn"
+        return f"{leaves}. The law learns only below eta_bar, so it may never learn"
 
     @cached_property
     def feedback(self) -> Linear:

@@ -298,7 +298,8 @@ def _in_the_way(
         missing = ["mu_beta"] if friction and not law.mu_beta else []
         missing += [] if law.mu_h else ["mu_h"]
         if missing:
-            obstacles.append(f"the speed varies, and the law has no {' and no '.join(missing)}")
+            are = "are" if len(missing) > 1 else "is"
+            obstacles.append(f"the speed varies, but {' and '.join(missing)} {are} zero")
     if bounds is not None:
         obstacles += _tight_limits(study, law, bounds)
     return obstacles

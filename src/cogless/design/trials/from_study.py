@@ -120,7 +120,7 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
         return certificate.deciding.stable
 
     cures = helping(study, (exact, faster), cured)
-    return Remark(f"the loop is stable along the trial with {either(cures)}", cures) if cures else None
+    return Remark(f"within a trial the loop is stable with {either(cures)}", cures) if cures else None
 
 
 def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:

@@ -100,7 +100,10 @@ NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback
 CUTOFF_SHARE = 0.97  # an advised cutoff is this share of the largest one, because it is rounded
 WEIGHT_DECADES = 12  # number of powers of ten that are tried as a weight
 AUTOMATIC: Changes = {"q_filter": "auto", "shift": "auto"}  # the design chooses both, and K_3
-BY_FREQUENCY = "K_3 is chosen by frequency, for the smallest factor from one trial's error to the next"
+BY_FREQUENCY = (
+    "K_3 was chosen by the frequency response. From one trial to the next it multiplies the error, at its "
+    "worst frequency, by"
+)
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 
@@ -530,8 +533,8 @@ def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: B
     if choice is None:
         _check_sign(plant, law, settings)
         raise DesignError(
-            "q_filter: no shift, filter and K_3 make the error shrink at every frequency and at the trial's "
-            "ends; expected a feedback with less lag"
+            "q_filter: with every shift, filter and K_3 the error grows at some frequency, or near the "
+            "trial's beginning or end; expected a feedback with less lag"
         )
     return choice
 
@@ -539,9 +542,9 @@ def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: B
 def _choice_note(bench: Bench, choice: Choice) -> Remark:
     passes = "no filter" if choice.cutoff is None else f"a filter of {choice.cutoff:.3g} Hz"
     return Remark(
-        f"shift = {choice.shift}, {passes} and K_3 are chosen together. After {JUDGED_TRIALS} trials "
-        f"{100 * bench.share_left(choice):.2g} % of the error of a load step is left, at the worst corner "
-        "of the ranges"
+        f"the design chose shift = {choice.shift}, {passes} and K_3 together. After {JUDGED_TRIALS} trials, "
+        f"at the worst corner of the parameters' ranges, {100 * bench.share_left(choice):.2g} % of the "
+        "error is left that a load step causes"
     )
 
 
@@ -602,7 +605,8 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
     if expected * settings.N < 0:
         side = "above" if expected > 0 else "below"
         raise DesignError(
-            f"N: {settings.N:g}: expected a number {side} zero, as the loop's gain at zero frequency is"
+            f"N: {settings.N:g}: expected a number {side} zero: N must have the sign of the loop's gain "
+            "at zero frequency"
         )
 
 
@@ -640,7 +644,7 @@ def _by_frequency(
     G = bundle(w)
     if settings.cutoff is None or settings.filtered != "signal":
         K_3, worst = best_gain(G)
-        note = f"{BY_FREQUENCY}: {worst:.4g}"
+        note = f"{BY_FREQUENCY} {worst:.4g}"
         unused = f"Rule (35) of Mandra 2019 is not used, since it is for a shift of {plant.relative_degree}"
         sentence = f"{note}. {unused}"
         return (K_3, Remark(sentence)) if worst <= PROPOSED_FACTOR_MOST else None
@@ -649,12 +653,12 @@ def _by_frequency(
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED_FACTOR_MOST:
         return None
-    note = f"{BY_FREQUENCY} with the filter on the learned signal: {worst:.4g}"
+    note = f"{BY_FREQUENCY} {worst:.4g} with the filter on the learned signal"
     better = better_shift(loops, plant.relative_degree, q_filter, shift, settings.samples)
     if better is None:
         return K_3, Remark(note)
     now, other, then = better
-    note += f", or {now:.2g} with the trial's ends, which shift = {other} would reduce to {then:.2g}"
+    note += f", and near the trial's beginning or end by {now:.2g}; shift = {other} gives {then:.2g}"
     return K_3, Remark(note, ({"shift": other},))
 
 
@@ -683,11 +687,10 @@ def _warnings(
     if learning.norm > 1 + FACTOR_ROUNDING:
         note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
     elif part.growth is not None and part.growth > 1 + GROWTH_ROUNDING:
-        note += f"{_factor(part.growth)} a trial, from the ends of the "
-        note += "filter" if part.with_filter else "trial"
+        note += f"{_factor(part.growth)} a trial, near the trial's beginning or end"
     else:
-        note += f"{_factor(part.phi_radius or 1.0)} a sample, by the largest pole of the matrix Phi, "
-        note += "(27) of Mandra 2019"
+        note += f"{_factor(part.phi_radius or 1.0)} a sample: this is the largest pole of trial and learning "
+        note += "together, of the matrix Phi, (27) of Mandra 2019"
     if update.ratio is None:
         loops = [law.closed(m, plant.C) for m in models]
         cutoff = workable_cutoff(
@@ -755,4 +758,7 @@ def _check(plant: UncertainPlant, settings: TrialSettings) -> None:
         raise DesignError(f"change_weight: {settings.change_weight:g}: expected a number above zero")
     ends = 3 * (settings.filter_order + 1)
     if settings.cutoff is not None and settings.samples <= ends:
-        raise DesignError(f"samples: {settings.samples}: expected more than {ends} for the filter's ends")
+        raise DesignError(
+            f"samples: {settings.samples}: expected more than {ends}, by which the filter extends the trial "
+            "at each end"
+        )

@@ -99,9 +99,9 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         return [corners[k] for k in hull.corner_indices], True, ""
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
-    outside = f"{100 * hull.outside:.2g} % of its size"
-    note = f"the set of plants, (23) of Mandra 2019, reaches beyond the hull of its vertices by {outside}"
-    return widened, False, f"{note}: a bounding polytope of {len(widened)} vertices is used"
+    outside = f"by up to {100 * hull.outside:.2g} % of the hull's size"
+    note = f"some plants of the set (23) of Mandra 2019 are outside the hull of its corners, {outside}"
+    return widened, False, f"{note}: the design uses a bounding polytope of {len(widened)} vertices"
 
 
 def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:
@@ -127,7 +127,8 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
             return LearningGain(K_3=K_3, bounds=bounds, check=result, status=status, affine=affine, note=note)
     rounded = float(f"{start:.4g}")
     keeps = (
-        f"with K_3 = {rounded:g} the error at each vertex and frequency keeps at most {worst:.4g} of its size"
+        f"with K_3 = {rounded:g} each trial multiplies the error by {worst:.4g} or less, at each vertex and "
+        "frequency"
     )
     raise DesignError(
         f"K_3: missing: expected a number, since rule (35) of Mandra 2019 gives no certified K_3: {keeps}"
@@ -192,15 +193,14 @@ def _impossible(G: Complex, w: Real, nominal: Loop) -> str:
     if outside:
         z = max(outside, key=abs)
         at = f"{z.real:.4g}" if abs(z.imag) < 1e-9 else f"{z.real:.4g}{z.imag:+.4g}j"
-        reason = f"the plant has a zero at z = {at}, not inside the unit circle, and so"
+        reason = f"because the plant has a zero at z = {at}, not inside the unit circle"
     else:
-        reason = "the feedback leaves so much lag that"
+        reason = "because the feedback lags too much there"
     lowest = G.real.min(axis=0)
-    at_first = float(w[lowest <= 0].min(initial=np.pi)) / np.pi
+    at_first = float(w[lowest <= 0].min(initial=np.pi)) / (2 * np.pi)
     return (
-        f"q_filter: no K_3 makes every error fall from trial to trial: {reason} the error grows with any "
-        f"gain at frequencies above {at_first:.3g} of half the sampling rate; expected a zero-phase low-pass "
-        "filter on the learned signal"
+        f"q_filter: no K_3 makes the error fall at every frequency: above {at_first:.3g} times the sampling "
+        f"rate it grows with any gain, {reason}; expected a zero-phase low-pass filter on the learned signal"
     )
 
 

@@ -379,7 +379,7 @@ def from_parameters(
         nominal=_discrete([physical(nominal)], period, discretisation),
         images=_designed(models_within(_inside(len(ranges))), period, discretisation) if ranges else [],
         image="a plant within the ranges",
-        set_="the ranges map to a set that",
+        set_="plants within the ranges",
     )
 
 
@@ -417,7 +417,7 @@ def from_vertices(
         # only for exact sampling: mixtures of discrete or Euler models are always in the corners' hull
         images=draw(np.random.default_rng(0), INSIDE_SAMPLES)[0] if how == "exact" else [],
         image="a mixture of the vertices",
-        set_="exact sampling makes a set that",
+        set_="exactly sampled plants",
     )
 
 
@@ -477,9 +477,9 @@ def _plant(
             designs = [Model.from_entries(row, centre.order) for row in hull.vertices]
             labels = [f"vertex {k + 1} of the bounding polytope" for k in range(len(designs))]
             note = (
-                f"{set_} reaches beyond the hull of its corners by {100 * hull.outside:.2g} % of its size: "
+                f"some {set_} are outside the hull of the corners, by up to {100 * hull.outside:.2g} % of "
+                f"the hull's size: the design uses a bounding polytope of {len(designs)} vertices"
             )
-            note += f"a bounding polytope of {len(designs)} vertices is used"
     return UncertainPlant(
         C=output,
         period=float(period),

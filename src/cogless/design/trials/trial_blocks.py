@@ -8,12 +8,12 @@ from __future__ import annotations
 from cogless.design.blocks import Block, Blocks
 from cogless.design.trials.gains import TrialDesign
 from cogless.design.trials.prediction import PHASE_TRIALS
+from cogless.design.trials.response import FACTOR_ROUNDING
 from cogless.design.trials.trial_summary import (
     TrialSummary,
     gain_cells,
     labelled_notes,
     plant_words,
-    verdict_words,
 )
 from cogless.study import TrialStudy
 
@@ -49,7 +49,7 @@ def _settles(design: TrialDesign) -> str:
     if len(counts) > 1:
         phases, end = f" in the scenario's {len(counts)} phases", "each phase"
     return (
-        f"{answer}; the error reaches its floor after {trials} trials{phases}; at the end of {end} at most "
+        f"{answer}; the error stops falling after {trials} trials{phases}; at the end of {end} at most "
         f"{100 * prediction.share:.3g} % of the error without learning is left"
     )
 
@@ -65,7 +65,9 @@ def why_not(design: TrialDesign) -> str | None:
     if design.no_K_3 or part.learning is None:
         return "no K_3 makes every error smaller"
     if not part.learning.monotone:
-        return f"an error may grow from trial to trial ({verdict_words(part.learning)})"
+        factor = f", at {part.learning.frequency:.4g} Hz by the factor {part.learning.norm:.6g}"
+        grows = part.learning.norm > 1 + FACTOR_ROUNDING
+        return f"an error may grow from trial to trial{factor if grows else ''}"
     if design.beyond:
         return design.beyond[0]
     if prediction is None:

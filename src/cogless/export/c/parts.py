@@ -22,11 +22,12 @@ HEADERS = {
     "MT": "speed_timed.h",
     "observer": "angle_observer.h",
 }
-COUNTER = "uint32_t board_counter(void); /* the encoder's: 16 bits, four counts a line */\n"
-SENSOR_WORD = "uint32_t board_counter(void); /* the sensor's word, 0 to ${last} */\n"
-HALL = "uint32_t board_hall(void); /* the sector, 0 to 5 in the order of the forward electrical angle */\n"
-TIMES = """uint32_t board_edge_time(void); /* the timer as captured at the last edge [ticks] */
-uint32_t board_timer(void); /* the timer now [ticks] */
+COUNTER = "uint32_t board_counter(void); /* returns the encoder's counter: 16 bits, four counts a line */\n"
+SENSOR_WORD = "uint32_t board_counter(void); /* returns the sensor's raw value, 0 to ${last} */\n"
+HALL = """uint32_t board_hall(void); /* returns the sector, 0 to 5, which forward rotation counts up */
+"""
+TIMES = """uint32_t board_edge_time(void); /* returns the timer as captured at the last edge [ticks] */
+uint32_t board_timer(void); /* returns the timer now [ticks] */
 """
 COUNTED = """static const cgl_speed_count_config speed_config = {.counts = ${counts}U, .window = ${window}U};
 static cgl_speed_count speed;
@@ -57,7 +58,7 @@ ${correct}${speed}${filter}}
 """
 ABOUT = """The encoder's part of the measurements. Its zero is where it stood at the start: call
  * cgl_encoder_index at the index pulse, or cgl_encoder_place."""
-ABOUT_WORD = "The sensor's part of the measurements. encoder_config.zero: its word at angle zero."
+ABOUT_WORD = "The sensor's part of the measurements. encoder_config.zero is its raw value at angle zero."
 HALL_DEFINITIONS = """static const cgl_hall_config hall_config = {
     .pole_pairs = ${pole_pairs}U, .edges = ${edges}U, .timer = ${timer}};
 static cgl_hall hall;

@@ -165,7 +165,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("the angle jumps, and the speed is not believed", 2 * law + window, ANGLE_COUNTS // 2, step, slower),
         ("the angle jumps back", 2 * law + window, ANGLE_COUNTS // 2, step, plain),
         (
-            "the angle is missing, for as long as is bridged",
+            "the angle is missing, for as long as the controller bridges it",
             bridge,
             0,
             step,

@@ -26,7 +26,8 @@ def board(subject: Subject) -> dict[str, str]:
     comment = "omega_ref [rad/s] is the reference speed: 0 until you set it, and the motor stands."
     if subject.law.name == "trial":
         comment = (
-            "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks."
+            "The motion is given for a whole trial. Set omega_ref [rad/s] to its derivative: the check for a "
+            "stuck angle uses it."
         )
     elif subject.law.name == "space-position":
         comment = "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them."
@@ -118,8 +119,8 @@ def _speed(subject: Subject) -> str:
         says = f"`cogless/{header}` says what this code measures{own}{then}; {example}"
         return f"from {article} {name} of {kind}, {simulated}: {says}"
     return (
-        f"measured as in the study, by an ideal sensor{then}. The gains and `.speed_window` assume an ideal "
-        "sensor, so the gains allow for no delay of a real sensor"
+        f"measured as in the study, by an ideal sensor{then}. So the gains and `.speed_window` allow for no "
+        "delay of a real sensor: to change this, put your sensor into the study and export again"
     )
 
 
@@ -129,19 +130,19 @@ def _maps(subject: Subject) -> str:
         return ""
     trial, (channels, cells) = subject.law.name == "trial", subject.map
     asset = files("cogless.export").joinpath("assets", "c", "maps.md")
-    rests = "Set reference.learn = false at least one step of the law before it, and true again afterwards."
+    rests = "set reference.learn = false, wait for a step of the law, save, and set it true again."
     return Template(asset.read_text(encoding="utf-8")).substitute(
         name=subject.name,
         map_of=subject.law.map,
         motion=", .motion" if trial else "",
-        when_to_save="Between two trials." if trial else f"From the main loop. {rests}",
+        when_to_save="Between two trials." if trial else f"From the main loop: {rests}",
         channels=channels,
         cells=cells,
     )
 
 
 C_FLAGS = "-std=c99 -O2 -ffp-contract=off"
-LEARNING = "frozen while `reference.learn` is false, and whenever the controller finds a reason"
+LEARNING = "frozen while `reference.learn` is false, and while a check of the controller stops it"
 
 
 def texts(

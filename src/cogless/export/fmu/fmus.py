@@ -239,7 +239,8 @@ def _drive_variables(run: Prepared, signals: list[tuple[str, str]]) -> list[Vari
         variables += [real("input", "input.i_q_ref", "A", description)]
     else:
         description = (
-            "true: all switches are off and the duties do not count; bit 1024 of a controller's status"
+            "true: all switches are off and the duties have no effect; connect bit 1024 of a controller's "
+            "status"
         )
         variables += [Variable("bridge_open", "boolean", "input", description), *duties("input", phases)]
     if not run.trials:

@@ -499,7 +499,7 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
     `line`: whether the memory is a delay line; if not, it is a map.
     """
     if not line and cells > MAP_CELLS_MOST:
-        raise invalid(f"expected at most {MAP_CELLS_MOST}, since the memory is a map", "cells")
+        raise invalid(f"expected at most {MAP_CELLS_MOST} cells, the most of a map", "cells")
     if 2 * q_half_width + 2 > cells:
         raise invalid(f"expected a filter that fits into the {cells} cells of the memory", "q_half_width")
 
@@ -623,7 +623,8 @@ class Learning(LearnsWhileRunning):
         longest = max(samples)
         if self.memory == "time" and min(samples) > self.cells:
             expected = (
-                f"expected at least {math.ceil(min(samples))}: a period has as many samples of the speed loop"
+                f"expected at least {math.ceil(min(samples))} cells: a period has so many samples of the "
+                "speed loop"
             )
             raise invalid(expected, "controller", name, "cells", value=self.cells)
         if longest < FEWEST_SAMPLES:

@@ -91,7 +91,10 @@ class AngleCorrection(Table):
         for direction in CORRECTED_DIRECTIONS:
             slope = sum(wave.order * wave.magnitude for wave in getattr(self, direction))
             if slope >= 1:
-                expected = f"expected a sum of all order * magnitude below 1 rad, not {slope:.3g} rad"
+                expected = (
+                    f"expected waves whose products order * magnitude add up to less than 1 rad, not "
+                    f"{slope:.3g} rad"
+                )
                 raise invalid(f"{expected}: otherwise the command turns back", key or direction)
 
 

@@ -119,7 +119,10 @@ class SpaceLearning(LearnsWhileRunning):
     @model_validator(mode="after")
     def _learns_something(self) -> Self:
         if self.learning and not (self.mu_alpha or self.mu_beta or self.mu_h):
-            raise invalid("expected false, or one of mu_alpha, mu_beta and mu_h above zero", "learning")
+            raise invalid(
+                "expected false, since mu_alpha, mu_beta and mu_h are zero; or set one of them above zero",
+                "learning",
+            )
         return self
 
     @property
@@ -259,8 +262,8 @@ def _check_angles(name: str, revolutions: Fraction, ratio: int) -> None:
     longest = int(ANGLE_MAX / (TURN * ratio))
     if revolutions.numerator > longest:
         raise invalid(
-            f"expected a whole number of periods in at most {longest} revolutions, not in "
-            f"{revolutions.numerator}",
+            f"expected a period of which a whole number fits into {longest} revolutions or fewer: this one "
+            f"needs {revolutions.numerator}",
             "controller",
             name,
             "period",
