@@ -12,10 +12,10 @@ from engine import run
 import studies
 from cogless.report import verdicts
 from cogless.report.comparison import compare
-from cogless.report.speed_tracking import late
 from cogless.report.speed_verdict import sensor
 from cogless.report.tables import late_table
 from cogless.results import Results
+from cogless.results.windows import late
 from cogless.run import simulate
 from cogless.study import load
 from cogless.study.metric import SIGNAL_DIMENSIONS

@@ -29,7 +29,7 @@ WITHOUT = {
 def remark(study: StudyBase, limits: Limits) -> Remark | None:
     """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
     named = limits.named
-    if not named:
+    if not (named or limits.holding):
         return None
     metric = next(m for m in study.metrics_in(limits.scenario) if result_name(m) == limits.metric)
     unit, scale = shown_in(study, metric)
@@ -37,6 +37,10 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     def with_unit(value: float) -> str:
         return f"{number(value / scale)} {unit}".rstrip()
 
+    if limits.holding is not None:
+        cure, name = limits.holding, called(study, limits.controller)
+        left = f"simulated again, it left {with_unit(cure.value)}{_harms(study, cure)}"
+        return Remark(f"With {setting(study, cure.changes)}, {name} held the speed: {left}.", (cure.changes,))
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
     text = f"What limits {own}: simulated again, it left {listed(parts)}."

@@ -218,6 +218,24 @@ def judged(results: Results, scenario: str) -> Judged | None:
     return Judged(next(run for run in runs if run.controller == best), metric, case.line)
 
 
+def unheld(results: Results, scenario: str) -> Judged | None:
+    """The run to hold the speed of a scenario in which none does, of a law that learns if there is one.
+
+    None: a run holds the speed, or nothing judges the scenario.
+    """
+    runs = runs_in(results, scenario)
+    case = _seen_case(results, runs)
+    if case is None or case.holding or not case.line.missed:
+        return None
+
+    def rank(run: Run) -> tuple[bool, float]:
+        value = case.line.values.get(run.controller)
+        return not results.study.controller[run.controller].learns, math.inf if value is None else value
+
+    lost = [run for run in runs if run.controller in case.line.missed]
+    return Judged(min(lost, key=rank), _metric_of(results, scenario, case.line), case.line)
+
+
 def learner(results: Results, best: Judged) -> Run | None:
     """The best run of a law that learns; None if no law learns, or if the scenario's best law does."""
     study, values = results.study, best.line.values

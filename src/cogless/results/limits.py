@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -103,6 +104,8 @@ class Limits:
     `causes`: the causes of error in the study, the largest share first; their shares need not add up to one.
     `untried`: causes that can't be taken away from the run, so their shares are unknown. `cures`: the changes
     that were tried, the best first. `learner`: another law with which the advised cures were also tried.
+    `value`: infinite if no controller holds the speed of the scenario; then there are no causes, and with
+    each of the cures the controller holds the speed.
     """
 
     scenario: str
@@ -134,6 +137,11 @@ class Limits:
         None: no such change that was tried helps.
         """
         return self._best(True)
+
+    @property
+    def holding(self) -> Cure | None:
+        """The best setting with which the controller holds a speed that no controller holds."""
+        return self.setting if math.isinf(self.value) else None
 
     @property
     def part(self) -> Cure | None:

@@ -79,7 +79,10 @@ def _learning_off(results: AnyResults) -> dict[str, Any]:
 
 
 def _limits(results: AnyResults) -> dict[str, Any]:
-    """What limits each scenario's best run; shares are of the metric's square, values in its SI unit."""
+    """What limits each scenario's best run; shares are of the metric's square, values in its SI unit.
+
+    A value that is null: no controller holds the speed of the scenario.
+    """
     if not results.limits:
         return {}
     entries = [
@@ -88,7 +91,7 @@ def _limits(results: AnyResults) -> dict[str, Any]:
             "controller": limited.controller,
             "metric": limited.metric,
             **({} if limited.order is None else {"order": limited.order}),
-            "value": limited.value,
+            "value": _plain(limited.value),
             "causes": [
                 {"cause": cause.name, "without": cause.value, "share": cause.share}
                 for cause in limited.causes
