@@ -148,7 +148,6 @@ def _learning_off(results: Results, best: Judged, traces: Path | None) -> Learni
         controller=run.controller,
         metric=result_name(metric),
         order=line.order,
-        signal=line.signal,
         value=value,
     )
 
