@@ -167,7 +167,7 @@ class Line:
 
     @property
     def _plain_name(self) -> str:
-        return self.name.replace("_", " ").replace("-", " ")
+        return spoken(self.name)
 
     @property
     def best(self) -> set[str]:
@@ -213,6 +213,11 @@ class Line:
         """A controller's value with its unit, if it has a value."""
         value = self.values.get(controller)
         return self.number(controller) + (f" {self.unit}".rstrip() if value is not None else "")
+
+
+def spoken(name: str) -> str:
+    """A metric's name as it is printed, such as "speed ripple"."""
+    return name.replace("_", " ").replace("-", " ")
 
 
 def runs_in(results: AnyResults, scenario: str) -> list[Run]:

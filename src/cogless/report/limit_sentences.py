@@ -7,13 +7,14 @@ from typing import Any
 
 from cogless.catalogue import sensor_words
 from cogless.design.changes import SENSOR, SENSOR_BITS
-from cogless.report.comparison import shown_in
+from cogless.report.comparison import shown_in, spoken
 from cogless.report.markup import number
 from cogless.report.verdicts import called, listed, ratio, times
 from cogless.results.limits import CAUSES, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Harm, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
 from cogless.study.messages import dotted, look_up
+from cogless.study.metric import Metric
 from cogless.study.reading import Changes, Remark, split
 from cogless.study.toml import toml
 
@@ -21,7 +22,7 @@ from cogless.study.toml import toml
 WITHOUT = {
     "learning-time": "in a longer run",
     TORQUE_RIPPLE: "without any torque ripple",
-    "delay": "without delay (with an ideal position sensor)",
+    "delay": "with an exact position sensor and no delay in the speed loop",
     "belief": "with the true motor parameters",
 }
 
@@ -31,11 +32,9 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     named = limits.named
     if not (named or limits.holding):
         return None
-    metric = next(m for m in study.metrics_in(limits.scenario) if result_name(m) == limits.metric)
-    unit, scale = shown_in(study, metric)
 
     def with_unit(value: float) -> str:
-        return f"{number(value / scale)} {unit}".rstrip()
+        return _with_unit(study, _metric(study, limits, limits.metric), value)
 
     if limits.holding is not None:
         cure, name = limits.holding, called(study, limits.controller)
@@ -47,7 +46,8 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
         text += f" {setting(study, cure.changes)}{_sensor(cure)} left {with_unit(cure.value)}"
-        text += f"{_costs(cure)}{_harms(study, cure)}.{_of_learner(study, limits, cure, with_unit)}"
+        text += f"{_costs(study, limits, cure)}{_harms(study, cure)}."
+        text += _of_learner(study, limits, cure, with_unit)
     return Remark(text, tuple(cure.changes for cure in limits.advised))
 
 
@@ -88,12 +88,23 @@ def _sensor(cure: Cure) -> str:
     return "" if bits is None else f" ({sensor_words(bits)})"
 
 
-def _costs(cure: Cure) -> str:
-    """The metric that a cure harms most, such as ", but 2.1 times the dip"; "" if it harms none clearly."""
+def _costs(study: StudyBase, limits: Limits, cure: Cure) -> str:
+    """The metric that a cure harms most, such as ", but 2.1 times the dip (6 rpm)"; "" if it harms none."""
     if not cure.costs:
         return ""
-    name, factor = max(cure.costs.items(), key=lambda cost: cost[1])
-    return f", but {times(factor)} the {name}"
+    cost = max(cure.costs, key=lambda cost: cost.ratio)
+    metric = _metric(study, limits, cost.metric)
+    return f", but {times(cost.ratio)} the {spoken(metric.name)} ({_with_unit(study, metric, cost.value)})"
+
+
+def _metric(study: StudyBase, limits: Limits, name: str) -> Metric:
+    """The metric of the scenario that has this name in results.json."""
+    return next(metric for metric in study.metrics_in(limits.scenario) if result_name(metric) == name)
+
+
+def _with_unit(study: StudyBase, metric: Metric, value: float) -> str:
+    unit, scale = shown_in(study, metric)
+    return f"{number(value / scale)} {unit}".rstrip()
 
 
 def _harms(study: StudyBase, cure: Cure) -> str:

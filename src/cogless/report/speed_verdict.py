@@ -648,12 +648,12 @@ def _costs(case: _Case) -> str:
     best = next((c for c in case.winners if c != case.baseline), None)
     if best is None or case.baseline not in case.ranked:
         return ""
-    costs, compared = [], 0
+    costs, compared = [], False
     for line in case.lines:
         ratio = line.ratio(best, case.baseline)
         if line is case.line or ratio is None or (_is_part(case, line) and _is_slight(case, line, best)):
             continue
-        compared += 1
+        compared = True
         if ratio > 1 + COST_LEAST:
             more = f"{100 * (ratio - 1):.0f} % more" if ratio < 2 else f"{times(ratio)} the"
             costs.append(f"{more} {line.quantity} ({line.value_text(best)})")
@@ -662,8 +662,7 @@ def _costs(case: _Case) -> str:
     if not compared:
         return ""
     whose = f"with {case.label(best)} than with {case.label(case.baseline)}"
-    other = "The other metric isn't" if compared == 1 else f"None of the {compared} other metrics is"
-    return f"{other} worse {whose}."
+    return f"Of the other metrics compared, none is clearly worse {whose}."
 
 
 def _rest(case: _Case) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 TORQUE_RIPPLE = "disturbance"
@@ -48,6 +48,19 @@ class Cause:
 
 
 @dataclass(frozen=True)
+class Cost:
+    """A metric that a change makes clearly worse in the same run, SI. `metric`: its name in results.json."""
+
+    metric: str
+    before: float
+    value: float
+
+    @property
+    def ratio(self) -> float:
+        return self.value / self.before
+
+
+@dataclass(frozen=True)
 class Harm:
     """Another scenario that a change makes clearly worse.
 
@@ -66,7 +79,7 @@ class Cure:
     """A change of the study, values by dotted key, that was tried against a cause.
 
     `value`: the metric with the change, SI. `setting`: the change needs no other part, only another number.
-    `costs`: other metrics that get clearly worse with the change, each with the ratio to its value before.
+    `costs`: other metrics that get clearly worse with the change.
     `learner`: the metric of `Limits.learner` with the change, SI; None: that law was not tried, or does not
     hold the speed. `harms`: the other scenarios that get clearly worse; known only of an advised change, and
     of the changes that it replaces.
@@ -76,7 +89,7 @@ class Cure:
     changes: Mapping[str, Any]
     value: float
     setting: bool
-    costs: Mapping[str, float] = field(default_factory=dict)
+    costs: Sequence[Cost] = ()
     learner: float | None = None
     harms: Sequence[Harm] = ()
 

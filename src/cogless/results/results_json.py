@@ -104,7 +104,7 @@ def _limits(results: AnyResults) -> dict[str, Any]:
                     "set": as_json(dict(cure.changes)),
                     "value": cure.value,
                     "setting": cure.setting,
-                    "costs": dict(cure.costs),
+                    "costs": {cost.metric: cost.ratio for cost in cure.costs},
                     **({} if cure.learner is None else {"learner": cure.learner}),
                     **({"harms": [asdict(harm) for harm in cure.harms]} if cure.harms else {}),
                 }

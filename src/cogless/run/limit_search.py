@@ -32,6 +32,7 @@ from cogless.results.limits import (
     NAMED_MOST,
     TORQUE_RIPPLE,
     Cause,
+    Cost,
     Cure,
     Harm,
     Learner,
@@ -287,16 +288,16 @@ def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause],
     return [cause for cause in causes_of_two if cause.share >= MOST_SHARE]
 
 
-def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
-    """Metrics other than `judged` that a change made clearly worse: name -> value / the run's value."""
-    costs = {}
+def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> list[Cost]:
+    """Metrics other than `judged` that a change made clearly worse."""
+    costs = []
     for metric in study.metrics_in(run.scenario):
         name = result_name(metric)
         before, after = run.metrics.get(name), metrics.get(name)
         if metric == judged or metric.better_direction != "lower" or not before or isinstance(before, list):
             continue
         if isinstance(after, float) and after / before >= CLEARLY_WORSE:
-            costs[name] = after / before
+            costs.append(Cost(name, before, after))
     return costs
 
 
