@@ -152,6 +152,16 @@ def _learning_off(results: Results, best: Judged, traces: Path | None) -> Learni
     )
 
 
+def best_controller(results: Results) -> str | None:
+    """The controller that holds the speed and is the best in most scenarios; None: none holds a speed."""
+    winners = [
+        best.run.controller
+        for scenario in results.scenarios
+        if (best := judged(results, scenario)) is not None and best.run.controller not in best.line.missed
+    ]
+    return max(winners, key=winners.count, default=None)
+
+
 def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:
     """Whether a run is short enough to be repeated a dozen times without a request of the user."""
     if study.controller[controller].code is not None:
