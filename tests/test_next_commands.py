@@ -45,6 +45,11 @@ def test_the_best_controller_is_exported(tmp_path: Path, capsys: pytest.CaptureF
     assert code == 0 and "cogging table" in out
 
 
+def test_one_controller_alone_is_not_the_best(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    studies.write(tmp_path)
+    assert suggested(capsys, "study.toml", "--no-limits", "--only", "*/pi") == [["drives"]]
+
+
 def test_the_export_has_the_changes_of_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     studies.write(tmp_path)
     change = "mechanics.inertia=2e-5 kg*m^2"

@@ -153,7 +153,12 @@ def _learning_off(results: Results, best: Judged, traces: Path | None) -> Learni
 
 
 def best_controller(results: Results) -> str | None:
-    """The controller that holds the speed and is the best in most scenarios; None: none holds a speed."""
+    """The controller that holds the speed and is the best in most scenarios.
+
+    None: none holds a speed, or there is only one controller.
+    """
+    if len({run.controller for run in results.runs}) < 2:
+        return None
     winners = [
         best.run.controller
         for scenario in results.scenarios
