@@ -391,6 +391,15 @@ def test_where_no_controller_holds_the_speed_a_setting_is_advised_with_which_one
         assert unsteady(coarse, "harmonic", {key: changes[key]}) > STOPS
 
 
+def test_where_no_setting_holds_the_speed_the_sentence_says_so(stepper):
+    """Ten times the detent torque is too much for all settings of `cogless new`."""
+    stuck = changed(stepper, {"motor.detent_torque": "135 mN*m"})
+    results = with_limits(run_study(stuck, jobs=2), jobs=2)
+    assert " No setting that was tried holds the speed." in str(limit(results, "slow"))
+    quick = {"drive.rates.speed_loop": "20 kHz", "drive.dead_time_compensation": {"band": "6 mA"}}
+    assert unsteady(stuck, "harmonic", quick) > STOPS
+
+
 def test_no_setting_is_advised_against_the_bus_voltage(stepper):
     fast = {"scenario.slow.reference": "1200 rpm", "scenario.slow.initial_speed": "0 rpm"}
     shorter = {"scenario.slow.duration": "2 s", "drive.rates.integration_steps": 8}

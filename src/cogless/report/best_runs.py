@@ -35,8 +35,11 @@ def with_limits(
                 continue
             if progress is not None:
                 progress(scenario)
-            limited = _holding(results, scenario, by_scenario, long, jobs, traces)
-            limited = limited or _limits(results, scenario, by_scenario, long, jobs, traces)
+            limited = held = _holding(results, scenario, by_scenario, long, jobs, traces)
+            if held is None or held.in_vain:
+                limited = _limits(results, scenario, by_scenario, long, jobs, traces) or held
+            if limited is not None and held is not None:
+                limited = replace(limited, in_vain=held.in_vain)
             if limited is not None:
                 by_scenario[scenario] = limited
     except KeyboardInterrupt:
@@ -52,13 +55,13 @@ def _holding(
     jobs: int | None,
     traces: Path | None,
 ) -> Limits | None:
-    """The settings with which a law holds the speed of a scenario in which none does."""
+    """The settings with which a law holds the speed of a scenario in which none does; None: none tried."""
     lost = unheld(results, scenario)
     if lost is None or not (long or is_quick(results.study, scenario, lost.run.controller)):
         return None
     limited = holding(results.study, lost.run, lost.metric, lost.line.order, jobs, traces)
-    if limited is None:
-        return None
+    if limited is None or not limited.cures:
+        return limited and replace(limited, in_vain=True)
     others = [*_elsewhere(results, lost.run, by_scenario, long)]
     return without_harm(results.study, limited, others, jobs, traces)
 

@@ -22,7 +22,7 @@ from cogless.study.toml import toml
 WITHOUT = {
     "learning-time": "in a longer run",
     TORQUE_RIPPLE: "without any torque ripple",
-    "delay": "with an exact position sensor and no delay in the speed loop",
+    "delay": "with an exact position sensor in a loop without delay",
     "belief": "with the true motor parameters",
 }
 
@@ -30,8 +30,9 @@ WITHOUT = {
 def remark(study: StudyBase, limits: Limits) -> Remark | None:
     """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
     named = limits.named
+    in_vain = "No setting that was tried holds the speed." if limits.in_vain else ""
     if not (named or limits.holding):
-        return None
+        return Remark(in_vain) if in_vain else None
 
     def with_unit(value: float) -> str:
         return _with_unit(study, _metric(study, limits, limits.metric), value)
@@ -43,6 +44,10 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
     text = f"What limits {own}: simulated again, it left {listed(parts)}."
+    if in_vain:
+        text += f" {in_vain}"
+    elif limits.cures and not limits.advised:
+        text += " No change that was tried leaves clearly less."
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
         text += f" {setting(study, cure.changes)}{_sensor(cure)} left {with_unit(cure.value)}"

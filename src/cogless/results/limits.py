@@ -118,7 +118,8 @@ class Limits:
     `untried`: causes that can't be taken away from the run, so their shares are unknown. `cures`: the changes
     that were tried, the best first. `learner`: another law with which the advised cures were also tried.
     `value`: infinite if no controller holds the speed of the scenario; then there are no causes, and with
-    each of the cures the controller holds the speed.
+    each of the cures the controller holds the speed. `in_vain`: no controller holds the speed, with none of
+    the settings that were tried.
     """
 
     scenario: str
@@ -130,6 +131,7 @@ class Limits:
     untried: Sequence[str] = ()
     cures: Sequence[Cure] = ()
     learner: Learner | None = None
+    in_vain: bool = False
 
     @property
     def named(self) -> list[Cause]:

@@ -120,10 +120,10 @@ def holding(
     jobs: int | None = None,
     traces: Path | None = None,
 ) -> Limits | None:
-    """The settings with which a run that does not hold its speed holds it; None: none that was tried does.
+    """The settings with which a run that does not hold its speed holds it, as cures.
 
-    Tries at most two settings together, in about two dozen runs of the scenario. A speed beyond the bus
-    voltage is not tried. Parameters and KeyboardInterrupt: as of `limits`.
+    Tries at most two settings together, in at most two dozen runs of the scenario. None: the speed is beyond
+    the bus voltage, so nothing is tried. Parameters and KeyboardInterrupt: as of `limits`.
     """
     own_study = for_scenario(study, run.scenario)
     speed = study.scenario[run.scenario].top_reference
@@ -146,8 +146,6 @@ def holding(
         return lacking
 
     searched(HOLDING_WAYS, studies, tried, until_held=True)
-    if not held:
-        return None
     return Limits(
         scenario=run.scenario,
         controller=run.controller,
