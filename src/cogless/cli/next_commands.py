@@ -15,15 +15,15 @@ from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.results import AnyResults, Results
 
-MOST = 2  # suggested commands
+COMMANDS_MOST = 2  # suggested commands
 FIRMWARE = "firmware"  # folder of the suggested export
 GOES_ON = " \\"  # end of a line after which a command goes on
 
 
 def next_lines(results: AnyResults, study: str, changes: list[str] | None) -> list[str]:
-    """At most `MOST` commands. `study`, `changes`: of the command that made the results."""
+    """At most `COMMANDS_MOST` commands. `study`, `changes`: of the command that made the results."""
     lines: list[str] = []
-    for words, comment in islice(_commands(results, study, [*(changes or ())]), MOST):
+    for words, comment in islice(_commands(results, study, [*(changes or ())]), COMMANDS_MOST):
         lines += _broken(f"{'  or' if lines else 'Next'}: {program()}", words)
         lines[-1] += comment
     return lines
@@ -47,8 +47,8 @@ def _commands(results: AnyResults, study: str, changes: list[str]) -> Iterator[t
 
     if not isinstance(results, Results):
         return
-    held = [cure for limited in results.limits.values() if (cure := limited.holding) is not None]
-    for cure in held[:1]:
+    cures = [cure for limited in results.limits.values() if (cure := limited.holding) is not None]
+    for cure in cures[:1]:
         sets = [f"{key}={toml(value)}" for key, value in cure.changes.items()]
         yield command_words("run", study, [*changes, *sets], []), ""
     best = best_controller(results)

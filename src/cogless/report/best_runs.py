@@ -35,11 +35,11 @@ def with_limits(
                 continue
             if progress is not None:
                 progress(scenario)
-            limited = held = _holding(results, scenario, by_scenario, long, jobs, traces)
-            if held is None or held.in_vain:
-                limited = _limits(results, scenario, by_scenario, long, jobs, traces) or held
-            if limited is not None and held is not None:
-                limited = replace(limited, in_vain=held.in_vain)
+            limited = settings = _holding(results, scenario, by_scenario, long, jobs, traces)
+            if settings is None or settings.in_vain:
+                limited = _limits(results, scenario, by_scenario, long, jobs, traces) or settings
+            if limited is not None and settings is not None:
+                limited = replace(limited, in_vain=settings.in_vain)
             if limited is not None:
                 by_scenario[scenario] = limited
     except KeyboardInterrupt:

@@ -38,9 +38,10 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
         return _with_unit(study, _metric(study, limits, limits.metric), value)
 
     if limits.holding is not None:
-        cure, name = limits.holding, called(study, limits.controller)
-        left = f"simulated again, it left {with_unit(cure.value)}{_harms(study, cure)}"
-        return Remark(f"With {setting(study, cure.changes)}, {name} held the speed: {left}.", (cure.changes,))
+        cure = limits.holding
+        text = f"With {setting(study, cure.changes)}, {called(study, limits.controller)} held the speed:"
+        text += f" simulated again, it left {with_unit(cure.value)}{_harms(study, cure)}."
+        return Remark(text, (cure.changes,))
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
     text = f"What limits {own}: simulated again, it left {listed(parts)}."

@@ -130,7 +130,7 @@ def holding(
     if speed > voltage_reach(own_study):
         return None
     tries = _Tries(study, run, metric, order, jobs, traces)
-    held: dict[str, Cure] = {}
+    cures: dict[str, Cure] = {}
 
     def studies(changes: Changes) -> Study:
         return for_scenario(changed(study, tries.placed(changes)), run.scenario)
@@ -142,7 +142,7 @@ def holding(
         lacking = tries.shortfalls(placed)
         for changes, lack in zip(placed, lacking, strict=True):
             if lack is not None and lack.lost == 0:
-                held[repr(changes)] = Cure("", changes, lack.ripple, True)
+                cures[repr(changes)] = Cure("", changes, lack.ripple, True)
         return lacking
 
     searched(HOLDING_WAYS, studies, tried, until_held=True)
@@ -153,7 +153,7 @@ def holding(
         order=order,
         value=math.inf,
         causes=[],
-        cures=sorted(held.values(), key=lambda cure: cure.value),
+        cures=sorted(cures.values(), key=lambda cure: cure.value),
     )
 
 
@@ -356,18 +356,19 @@ class _Tries:
         lacking: list[Shortfall | None] = []
         for changes, metrics in zip(of, self.metrics(of), strict=True):
             speed, value = self._missed.get(repr(changes)), self.value_of(metrics)
-            held = None if value is None else Shortfall(lost=0, ripple=value, error=0.0)
-            lack = held if speed is None else UNHELD._replace(error=speed.error)
+            ripple = None if value is None else Shortfall(lost=0, ripple=value, error=0.0)
+            lack = ripple if speed is None else UNHELD._replace(error=speed.error)
             lacking.append(lack if self.fits(changes) else None)
         return lacking
 
     def _runs(self, studies: Sequence[Study]) -> tuple[list[Run | None], list[Miss | None]]:
         """The run in each of these studies, None for a run that fails; and how it missed the speed, if so."""
         missed: dict[int, Miss | None] = {}
+        by_id = {id(study): study for study in studies}
 
         def finished(study: AnyStudy, run: Run) -> None:
-            assert isinstance(study, Study)
-            missed[id(study)] = missed_in(Results(study, [run]), study.metric[0], run)
+            own_study = by_id[id(study)]
+            missed[id(study)] = missed_in(Results(own_study, [run]), own_study.metric[0], run)
 
         only = ["/".join((self._run.scenario, self._run.controller))]
         try:
