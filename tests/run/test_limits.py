@@ -395,7 +395,8 @@ def test_where_no_setting_holds_the_speed_the_sentence_says_so(stepper):
     """Ten times the detent torque is too much for all settings of `cogless new`."""
     stuck = changed(stepper, {"motor.detent_torque": "135 mN*m"})
     results = with_limits(run_study(stuck, jobs=2), jobs=2)
-    assert " No setting that was tried holds the speed." in str(limit(results, "slow"))
+    ways = "the rate of the speed loop, an observer, dead-time compensation and a slower current loop"
+    assert f" Tried in vain to hold the speed with Harmonic: {ways}." in str(limit(results, "slow"))
     quick = {"drive.rates.speed_loop": "20 kHz", "drive.dead_time_compensation": {"band": "6 mA"}}
     assert unsteady(stuck, "harmonic", quick) > STOPS
 

@@ -36,7 +36,7 @@ def with_limits(
             if progress is not None:
                 progress(scenario)
             limited = settings = _holding(results, scenario, by_scenario, long, jobs, traces)
-            if settings is None or settings.in_vain:
+            if settings is None or not settings.cures:
                 limited = _limits(results, scenario, by_scenario, long, jobs, traces) or settings
             if limited is not None and settings is not None:
                 limited = replace(limited, in_vain=settings.in_vain)
@@ -61,7 +61,7 @@ def _holding(
         return None
     limited = holding(results.study, lost.run, lost.metric, lost.line.order, jobs, traces)
     if limited is None or not limited.cures:
-        return limited and replace(limited, in_vain=True)
+        return limited
     others = [*_elsewhere(results, lost.run, by_scenario, long)]
     return without_harm(results.study, limited, others, jobs, traces)
 

@@ -30,7 +30,7 @@ WITHOUT = {
 def remark(study: StudyBase, limits: Limits) -> Remark | None:
     """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
     named = limits.named
-    in_vain = "No setting that was tried holds the speed." if limits.in_vain else ""
+    in_vain = _in_vain(study, limits)
     if not (named or limits.holding):
         return Remark(in_vain) if in_vain else None
 
@@ -55,6 +55,15 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
         text += f"{_costs(study, limits, cure)}{_harms(study, cure)}."
         text += _of_learner(study, limits, cure, with_unit)
     return Remark(text, tuple(cure.changes for cure in limits.advised))
+
+
+def _in_vain(study: StudyBase, limits: Limits) -> str:
+    """The settings with which a controller does not hold the speed; "" if none were tried or one holds it."""
+    vain = limits.in_vain
+    if vain is None:
+        return ""
+    name = called(study, vain.controller)
+    return f"Tried in vain to hold the speed with {name}: {listed(vain.settings)}."
 
 
 def _of_learner(study: StudyBase, limits: Limits, cure: Cure, with_unit: Callable[[float], str]) -> str:

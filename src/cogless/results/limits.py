@@ -111,6 +111,14 @@ class Learner:
 
 
 @dataclass(frozen=True)
+class InVain:
+    """Kinds of settings, in words, with none of which, alone or two together, a controller held a speed."""
+
+    controller: str
+    settings: Sequence[str]
+
+
+@dataclass(frozen=True)
 class Limits:
     """What limits a run, judged by one of its metrics, or by one order of this metric.
 
@@ -118,8 +126,8 @@ class Limits:
     `untried`: causes that can't be taken away from the run, so their shares are unknown. `cures`: the changes
     that were tried, the best first. `learner`: another law with which the advised cures were also tried.
     `value`: infinite if no controller holds the speed of the scenario; then there are no causes, and with
-    each of the cures the controller holds the speed. `in_vain`: no controller holds the speed, with none of
-    the settings that were tried.
+    each of the cures the controller holds the speed. `in_vain`: the settings with which
+    none holds it.
     """
 
     scenario: str
@@ -131,7 +139,7 @@ class Limits:
     untried: Sequence[str] = ()
     cures: Sequence[Cure] = ()
     learner: Learner | None = None
-    in_vain: bool = False
+    in_vain: InVain | None = None
 
     @property
     def named(self) -> list[Cause]:

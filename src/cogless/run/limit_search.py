@@ -35,6 +35,7 @@ from cogless.results.limits import (
     Cost,
     Cure,
     Harm,
+    InVain,
     Learner,
     Limits,
 )
@@ -145,7 +146,7 @@ def holding(
                 cures[repr(changes)] = Cure("", changes, lack.ripple, True)
         return lacking
 
-    searched(HOLDING_WAYS, studies, tried, until_held=True)
+    _, in_vain = searched(HOLDING_WAYS, studies, tried, until_held=True)
     return Limits(
         scenario=run.scenario,
         controller=run.controller,
@@ -154,6 +155,7 @@ def holding(
         value=math.inf,
         causes=[],
         cures=sorted(cures.values(), key=lambda cure: cure.value),
+        in_vain=InVain(run.controller, in_vain) if in_vain and not cures else None,
     )
 
 
