@@ -13,6 +13,7 @@ from cogless.design.auto import load
 from cogless.report import limit, with_limits
 from cogless.results import Results
 from cogless.results.limits import HELPING_SHARE
+from cogless.results.results_json import to_dict
 from cogless.run.limit_search import _Tries, limits
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
@@ -397,6 +398,7 @@ def test_where_no_setting_holds_the_speed_the_sentence_says_so(stepper):
     results = with_limits(run_study(stuck, jobs=2), jobs=2)
     ways = "the rate of the speed loop, an observer, dead-time compensation and a slower current loop"
     assert f" Tried in vain to hold the speed with Harmonic: {ways}." in str(limit(results, "slow"))
+    assert to_dict(results)["limits"][0]["in_vain"]["controller"] == "harmonic"
     quick = {"drive.rates.speed_loop": "20 kHz", "drive.dead_time_compensation": {"band": "6 mA"}}
     assert unsteady(stuck, "harmonic", quick) > STOPS
 

@@ -98,6 +98,7 @@ def _limits(results: AnyResults) -> dict[str, Any]:
             ],
             "untried": list(limited.untried),
             **({} if limited.learner is None else {"learner": asdict(limited.learner)}),
+            **({} if limited.in_vain is None else {"in_vain": asdict(limited.in_vain)}),
             "tried": [
                 {
                     "against": cure.cause,
