@@ -350,7 +350,9 @@ CASES: dict[str, list[Case]] = {
         ),
     ],
     "design.warnings.reads_zero": [
-        Case(MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "speed samples are 0", name)
+        Case(
+            MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "speed samples are 0", name
+        )
         for name in ("pi", "harmonic")
     ] + [
         Case(MY_MOTOR, {**NONE, **encoder(speed_method="average", window=2),

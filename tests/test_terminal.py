@@ -6,6 +6,7 @@ import importlib.util
 import io
 import itertools
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -57,7 +58,7 @@ def printed(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
             assert code == 0, out
             printed_text.append(out + err)
         narrow = printed_text[0]
-        too_long = [line for line in narrow.splitlines() if len(line) > COLUMNS]
+        too_long = [line for line in narrow.splitlines() if len(line) > COLUMNS and not is_a_word(line)]
         assert too_long == []
         if repeatable:
             assert words(narrow) == words(printed_text[1])  # none is broken, cut or left out
@@ -66,15 +67,20 @@ def printed(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     return run
 
 
+def is_a_word(line: str) -> bool:
+    """Whether a line of a shell's command has one word, such as the value of --set, which can't be broken."""
+    return line.startswith("    ") and len(shlex.split(line.removesuffix(" \\"))) == 1
+
+
 def words(text: str) -> set[str]:
-    return set(re.sub(f"[{FRAME}]", " ", text).split())
+    return set(re.sub(f"[{FRAME}]", " ", text.replace(" \\\n", "\n")).split())
 
 
 @pytest.mark.parametrize("options", [[], ["--all"]])
 def test_run(printed: Printed, tmp_path: Path, options: list[str]) -> None:
     out = printed("run", studies.write(tmp_path), "-o", "out", "--no-limits", *options)
     assert out.startswith("low\nAt 60 rpm, fair leaves ") and "\nstep\nAt 60 rpm, " in out
-    assert out.endswith("\nReport: out/report.html\n")
+    assert "\nReport: out/report.html\nNext: cogless export " in out
 
 
 def test_run_of_long_labels(printed: Printed, tmp_path: Path) -> None:

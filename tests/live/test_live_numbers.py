@@ -10,7 +10,7 @@ from node import NO_NODE, run_node
 from cogless import load
 from cogless.live.live_page import _metric
 from cogless.report.order_charts import order_spectrum
-from cogless.report.speed_tracking import missed, rows_of
+from cogless.report.speed_tracking import missed
 from cogless.results.held_speed import (
     JERKS_RATIO,
     LOST_SPEED_RATIO,
@@ -20,6 +20,7 @@ from cogless.results.held_speed import (
 )
 from cogless.results.metrics import METRIC_FUNCTIONS, evaluate, result_name, window_of
 from cogless.results.trace import Trace
+from cogless.results.windows import rows_of
 from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
 
 pytestmark = pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)

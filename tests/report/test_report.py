@@ -31,11 +31,12 @@ from cogless.report.markup import number, pack, thin, unpack
 from cogless.report.order_charts import order_spectrum, turned_back
 from cogless.report.page import assumptions, settings
 from cogless.report.pictures import SPEED_PICTURES
-from cogless.report.speed_tracking import late, missed, span_of
+from cogless.report.speed_tracking import missed
 from cogless.report.speed_verdict import MEASURED_SIGNALS
 from cogless.report.verdicts import listed, ratio, times, worst
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
+from cogless.results.windows import late, span_of
 from cogless.run.carry_out import measure
 from cogless.run.simulate import simulate
 from cogless.study import changed, load

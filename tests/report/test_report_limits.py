@@ -11,7 +11,7 @@ from cogless.cli.studies import sentences
 from cogless.report import best_runs, limit, render, verdicts, with_limits
 from cogless.report.limit_sentences import setting
 from cogless.results import results_json
-from cogless.results.limits import Cause, Cure, Learner, Limits
+from cogless.results.limits import Cause, Cost, Cure, Learner, Limits
 from cogless.run.simulate import run_study
 from cogless.study import load
 from cogless.study.reading import changed, changes_from
@@ -120,7 +120,8 @@ def test_the_best_setting_is_told_and_a_part_only_if_it_leaves_clearly_less(resu
     many = told(results, cause, [({"drive.position_sensor.bits": 20}, 1.0, False)])
     assert "bits = 20 (more than any chip that `cogless new` knows) left 1.00 rpm." in many
     assert "bits" not in told(results, cause, [(bits, 3.9, False), (observer, 4.0, True)])
-    assert "tried" not in told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
+    none = told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
+    assert none.endswith("steps. No change that was tried leaves clearly less.")
 
 
 @pytest.mark.parametrize(
@@ -155,9 +156,13 @@ def test_edges_are_timed_only_by_a_drive_that_can(results):
 
 def test_what_a_change_costs_is_told(results):
     made = limits([("sensor-steps", 1.0)], [({"drive.position_sensor.bits": 14}, 1.0, False)])
-    costly = replace(made, cures=[replace(made.cures[0], costs={"dip_rad_s": 2.0, "loss_W": 1.6})])
-    sentence = str(limit(replace(results, limits={"turn": costly}), "turn"))
-    assert sentence.endswith("left 1.00 rpm, but 2.00 times the dip_rad_s.")
+    electric = {"name": "electric_ripple", "kind": "ripple-rms", "signal": "tau_e", "unit": "mN*m"}
+    torque = {"name": "torque_ripple", "kind": "ripple-rms", "signal": "tau_motor", "unit": "mN*m"}
+    study = changed(results.study, {"metric": [*results.study.source.tables["metric"], electric, torque]})
+    costs = [Cost("electric_ripple_N_m", before=0.010, value=0.016), Cost("torque_ripple_N_m", 0.001, 0.002)]
+    costly = replace(made, cures=[replace(made.cures[0], costs=costs)])
+    sentence = str(limit(replace(results, study=study, limits={"turn": costly}), "turn"))
+    assert sentence.endswith("left 1.00 rpm, but 2.00 times the torque ripple (2.00 mN·m).")
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from cogless.report.speed_verdict import Sensor
 from cogless.report.verdicts import change_words
 from cogless.results.metrics import result_name
 from cogless.results.runs import LearningOff
+from cogless.study.reading import Remark
 
 room = import_module("cogless.report.speed_verdict")
 PI, FAIR, ILC = "PI as published", "PI re-tuned", "PI-ILC"  # the first is the baseline, the last learns
@@ -114,12 +115,12 @@ def test_the_best_law_stands_beside_itself_with_learning_off(study, off, tone, s
     """What its feedback alone does is no merit of its learning."""
     metric = next(m for m in study.metrics_in("low-speed") if m.name == "speed_ripple")
     value = None if off is None else off * np.pi / 30
-    beside = LearningOff("low-speed", "pi-ilc", result_name(metric), None, "omega_m", value)
+    beside = LearningOff("low-speed", "pi-ilc", result_name(metric), None, value)
     of_learning = replace(case(study, line(pi=2, ilc=1)), off=beside)
     start = f"At 60 rpm, {ILC} leaves 1.00 rpm of speed ripple, "
     assert room._headline(of_learning) == (tone, start + said)
-    measured = replace(of_learning, off=replace(beside, signal="omega_measured"))
-    assert room._headline(measured) == room._headline(case(study, line(pi=2, ilc=1)))
+    of_order = replace(of_learning, off=replace(beside, order=6.0))
+    assert room._headline(of_order) == room._headline(case(study, line(pi=2, ilc=1)))
 
 
 def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):
@@ -302,16 +303,21 @@ def test_a_cost_is_more_than_a_hundredth_of_the_baselines(study):
     ):
         told = room._costs(case(study, best, other("loss", unit="W", pi=1, ilc=ratio)))
         costs = said and f"Compared with {PI}, {ILC} has {said} ({ratio:.2f} W)."
-        assert told == (costs or f"The other metric isn't worse with {ILC} than with {PI}.")
+        assert told == (
+            costs or f"Of the other metrics compared, none is clearly worse with {ILC} than with {PI}."
+        )
     two = [other("loss", pi=1, ilc=1), other("heat", pi=1, ilc=1)]
-    none = f"None of the 2 other metrics is worse with {ILC} than with {PI}."
+    none = f"Of the other metrics compared, none is clearly worse with {ILC} than with {PI}."
     assert room._costs(case(study, best, *two)) == none
     assert room._costs(case(study, best, *two, other("noise", pi=0, ilc=1))) == none  # of nothing no share
     slight = order(6, pi=0.001, ilc=0.099)  # less than a twentieth of the baseline's ripple
     assert room._costs(case(study, best, *two, slight)) == none
     assert room._costs(case(study, best)) == ""
     tie = line(pi=1, ilc=1.04)
-    assert room._costs(case(study, tie, two[0])) == f"The other metric isn't worse with {ILC} than with {PI}."
+    assert (
+        room._costs(case(study, tie, two[0]))
+        == f"Of the other metrics compared, none is clearly worse with {ILC} than with {PI}."
+    )
     for nothing in (line(pi=1, ilc=2), line(pi=2, ilc=1, missed=["pi"])):
         assert room._costs(case(study, nothing, *two)) == ""
 
@@ -379,18 +385,16 @@ def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):
 def test_what_a_sensor_adds_of_its_own_is_told_where_it_is_most(study):
     true, seen = line(pi=2, ilc=1, fair=3), line("as seen", pi=1.5, ilc=0.4, fair=3)
     whole = case(study, true, other("loss", pi=1))
-    assert room._by_what_is_seen(whole, None, None) == (whole, "")
-    assert room._by_what_is_seen(whole, Sensor(seen, dict.fromkeys(true.values, 0.5)), None) == (whole, "")
+    assert room._of_the_sensor(whole, None, None) == ""
+    assert room._of_the_sensor(whole, Sensor(seen, dict.fromkeys(true.values, 0.5)), None) == ""
     one = {"pi": 0.5, "pi-ilc": 0.84, "fair-pi": 0.0}
     own = "Most of the true speed ripple comes from the sensor's own error, which no law can see"
     own += " (in brackets: its share of the mean square)"
-    assert room._by_what_is_seen(whole, Sensor(seen, one), None) == (
-        whole,
-        f"{own}: {ILC} 1.00 rpm (84 %). The measured values show: {ILC} 0.400 rpm.",
-    )
-    every = {"pi": 0.75, "pi-ilc": 0.84, "fair-pi": 0.51}
-    judged, said = room._by_what_is_seen(whole, Sensor(seen, every), None)
-    assert said == f"{own}: {ILC} 1.00 rpm (84 %), {PI} 2.00 rpm (75 %) and {FAIR} 3.00 rpm (51 %)."
-    assert judged.line is seen and judged.lines == [seen, whole.lines[1]]
-    alone = case(study, line(pi=2))
-    assert room._by_what_is_seen(alone, Sensor(seen, {"pi": 0.75}), None)[0] is alone  # nothing to compare
+    measured = f"The measured values show: {ILC} 0.400 rpm."
+    assert room._of_the_sensor(whole, Sensor(seen, one), None) == f"{own}: {ILC} 1.00 rpm (84 %). {measured}"
+    limited = Remark("What limits ILC is the sensor's own error.")
+    assert room._of_the_sensor(whole, Sensor(seen, one), limited) == measured
+    every = Sensor(seen, {"pi": 0.75, "pi-ilc": 0.84, "fair-pi": 0.51})
+    said = room._of_the_sensor(whole, every, None)
+    assert f"{own}: {ILC} 1.00 rpm (84 %), {PI} 2.00 rpm (75 %) and {FAIR} 3.00 rpm (51 %)." in said
+    assert said.endswith(f"The measured values show: {ILC} 0.400 rpm, {PI} 1.50 rpm and {FAIR} 3.00 rpm.")

@@ -34,3 +34,19 @@ def test_a_start_at_rest_is_not_uneven() -> None:
     """Only the first half of the rows is."""
     start = np.where(np.arange(len(TURNS)) < len(TURNS) // 2, sine(2.0), REFERENCE)
     assert unevenness(REFERENCE, start) is None
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "ratio"),
+    [(3.0, 1.0, math.sqrt(5.0)), (0.6, 0.69, math.sqrt((0.6**2 + 0.69**2) / 2)), (1.0, 0.65, 0.65)],
+)
+def test_the_ratio_is_that_of_the_error_that_is_reported_with_it(
+    first: float, second: float, ratio: float
+) -> None:
+    """All rows count as in the error of `miss`. A speed that only the second half holds has this half's."""
+    early = np.arange(len(TURNS)) < len(TURNS) // 2
+    speed = np.where(early, sine(first), sine(second))
+    assert unevenness(REFERENCE, speed) == pytest.approx(ratio, rel=1e-6)
+    missed = miss(REFERENCE, speed)
+    assert (missed is not None) == (second > JERKS_RATIO)
+    assert missed is None or missed.error == pytest.approx(ratio, rel=1e-6)

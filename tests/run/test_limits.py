@@ -13,6 +13,7 @@ from cogless.design.auto import load
 from cogless.report import limit, with_limits
 from cogless.results import Results
 from cogless.results.limits import HELPING_SHARE
+from cogless.results.results_json import to_dict
 from cogless.run.limit_search import _Tries, limits
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
@@ -232,9 +233,10 @@ def test_a_cure_that_costs_elsewhere_says_so(study):
     }
     results = limited(changed(study, noisy), "pi")
     found = results.limits["turning"]
-    costs = {cure.changes.get('controller."pi".kp'): cure.costs for cure in found.cures}
-    worst = costs["0.08 A*s/rad"]["loss_W"]
-    assert worst > 1.5
+    (doubled,) = (cure for cure in found.cures if cure.changes.get('controller."pi".kp') == "0.08 A*s/rad")
+    (cost,) = doubled.costs
+    after = simulate(changed(changed(study, noisy), doubled.changes), "turning", "pi").metrics["loss_W"]
+    assert (cost.metric, cost.value) == ("loss_W", after) and cost.ratio > 1.5
 
 
 def test_a_run_that_loses_its_speed_is_no_cure(study):
@@ -348,6 +350,68 @@ def test_where_the_pi_is_best_a_change_is_tried_with_the_law_that_learns_too(stu
 def test_where_the_law_that_learns_is_best_it_alone_is_told(study):
     results = with_limits(run_study(changed(study, PUT_IN["sensor-steps"][1]), jobs=2), jobs=2)
     assert results.limits["turning"].controller == "harmonic" and results.limits["turning"].learner is None
+
+
+# --- speeds that no controller holds
+
+STOPS = math.sqrt(0.5)  # rms of a sine, as a share of the speed, whose troughs stop the rotor
+
+
+def unsteady(study: Study, controller: str, changes: dict[str, object]) -> float:
+    """The rms of the speed error / the reference in the last 3 s, with these changes."""
+    trace = simulate(changed(study, changes), "slow", controller).trace
+    late, reference = trace.time > trace.time[-1] - 3.0, study.scenario["slow"].top_reference
+    return float(np.sqrt(np.mean((trace["omega_m"][late] / reference - 1) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def stepper(tmp_path_factory):
+    """A step motor at 20 r/min, whose rotor snaps from detent to detent with either law."""
+    numbers = drafts.request("nema17", "stepper", "as5047", speed=20)
+    return drafts.written(tmp_path_factory.mktemp("stepper"), numbers)[1]
+
+
+@pytest.mark.parametrize(("bits", "settings"), [(14, 1), (12, 2)])
+def test_where_no_controller_holds_the_speed_a_setting_is_advised_with_which_one_does(
+    stepper, bits, settings
+):
+    """With coarser steps no single setting of `cogless new` is enough, but two together are."""
+    coarse = changed(stepper, {"drive.position_sensor.bits": bits})
+    assert min(unsteady(coarse, law, {}) for law in ("pi", "harmonic")) > STOPS
+    results = with_limits(run_study(coarse, jobs=2), jobs=2)
+    told = limit(results, "slow")
+    (changes,) = told.cures
+    new = {key for key in changes if f"{key} = " in str(told)}  # the others keep their values
+    assert len(new) == settings and str(told).startswith("With drive.")
+    (cured,) = told.cured(coarse)
+    after = simulate(cured, "slow", "harmonic")
+    assert unsteady(coarse, "harmonic", changes) < STOPS
+    ripple = after.metrics["speed_ripple_rad_s"] * 30 / math.pi
+    assert f"Harmonic held the speed: simulated again, it left {ripple:.2f} rpm." in str(told)
+    for key in new if settings > 1 else ():
+        assert unsteady(coarse, "harmonic", {key: changes[key]}) > STOPS
+
+
+def test_where_no_setting_holds_the_speed_the_sentence_says_so(stepper):
+    """Ten times the detent torque is too much for all settings of `cogless new`."""
+    stuck = changed(stepper, {"motor.detent_torque": "135 mN*m"})
+    results = with_limits(run_study(stuck, jobs=2), jobs=2)
+    ways = "the rate of the speed loop, an observer, dead-time compensation and a slower current loop"
+    assert f" Tried in vain to hold the speed with Harmonic: {ways}." in str(limit(results, "slow"))
+    assert to_dict(results)["limits"][0]["in_vain"]["controller"] == "harmonic"
+    quick = {"drive.rates.speed_loop": "20 kHz", "drive.dead_time_compensation": {"band": "6 mA"}}
+    assert unsteady(stuck, "harmonic", quick) > STOPS
+
+
+def test_no_setting_is_advised_against_the_bus_voltage(stepper):
+    fast = {"scenario.slow.reference": "1200 rpm", "scenario.slow.initial_speed": "0 rpm"}
+    shorter = {"scenario.slow.duration": "2 s", "drive.rates.integration_steps": 8}
+    beyond = changed(
+        stepper, {**fast, **shorter, "metric": stepper.source.tables["metric"][:1], "metric.0.last": "1 s"}
+    )
+    results = run_study(beyond, jobs=2)
+    assert all(run.trace["omega_m"][-1] < 0.9 * run.trace["omega_ref"][-1] for run in results.runs)
+    assert limit(with_limits(results, jobs=2), "slow") is None
 
 
 # --- advice that one scenario gives and another pays for

@@ -73,7 +73,7 @@ def test_a_lost_speed_is_worse_than_any_ripple_and_a_ripple_counts_by_its_speed(
     coarse = {"slow": outcome(6), "fast": outcome(9)}  # 20 and 3 % of 30 and 300 r/min
     fine = {"slow": outcome(0.3), "fast": outcome(45)}  # 1 and 15 %
     lost = {"slow": outcome(0.1), "fast": outcome(0.1, "it stops")}
-    assert shortfall(study, coarse) == (0, pytest.approx(0.2))
+    assert shortfall(study, coarse)[:2] == (0, pytest.approx(0.2))
     assert shortfall(study, fine) < shortfall(study, coarse) < shortfall(study, lost)
 
 

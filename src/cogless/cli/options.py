@@ -160,8 +160,13 @@ def results_name(path: Path) -> str:
 
 def command_line(name: str, study: str, changes: list[str] | None, options: list[str]) -> str:
     """The whole command line, quoted for a shell."""
+    return shlex.join(["cogless", *command_words(name, study, changes, options)])
+
+
+def command_words(name: str, study: str, changes: list[str] | None, options: list[str]) -> list[str]:
+    """The words of a command line after the program."""
     sets = [word for change in changes or () for word in ("--set", change)]
-    return shlex.join(["cogless", name, study, *options, *sets])
+    return [name, study, *options, *sets]
 
 
 def load(study: str, changes: list[str] | None) -> AnyStudy:

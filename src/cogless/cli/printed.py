@@ -69,7 +69,7 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
     if not study.metric:
         print(f"{a_metric(study)}\n")
     elif numbers and not every_metric:
-        what = "The metric" if numbers == 1 else f"All {numbers} metrics"
+        what = "The metric" if numbers == 1 else "All metrics"
         print_text(f"{what}: in the report, or here with --all.")
 
 

@@ -72,6 +72,7 @@ def run(
 
     Ctrl-C and SIGTERM stop the command, which then keeps the finished runs.
     """
+    from cogless.cli.next_commands import next_lines
     from cogless.design.kinds import DESIGNS
     from cogless.results.folder import locked_folder
     from cogless.run.own_law import no_exit
@@ -115,6 +116,9 @@ def run(
                     failures.append(error)
                 written = all(isinstance(failure, RunError) for failure in failures)
                 _print(results, folder, with_page, written, every_metric)
+                if written and not (defect or failures or results.interrupted):
+                    for line in next_lines(results, study, changes):
+                        print(line)
             lock.close()
             if defect is not None:
                 raise defect

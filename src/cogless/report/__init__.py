@@ -5,7 +5,7 @@ from pathlib import Path
 
 from cogless.files import replacing
 from cogless.report import page, pictures
-from cogless.report.best_runs import is_quick
+from cogless.report.best_runs import best_controller, is_quick
 from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limit_sentences import remark
 from cogless.report.page import Outcome, Sections
@@ -22,6 +22,7 @@ __all__ = [
     "Line",
     "Outcome",
     "ScenarioVerdict",
+    "best_controller",
     "compare",
     "has_limits",
     "is_quick",

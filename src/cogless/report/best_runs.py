@@ -8,12 +8,12 @@ from pathlib import Path
 
 from cogless.errors import StudyError
 from cogless.report.comparison import runs_in
-from cogless.report.speed_verdict import Judged, judged, learner, value_in
+from cogless.report.speed_verdict import Judged, judged, learner, unheld, value_in
 from cogless.results import Results, Run
 from cogless.results.limits import Limits
 from cogless.results.metrics import result_name
 from cogless.results.runs import LearningOff
-from cogless.run.limit_search import Elsewhere, beside_learner, limits, without_harm
+from cogless.run.limit_search import Elsewhere, beside_learner, holding, limits, without_harm
 from cogless.run.simulate import learning_off
 from cogless.study import AnyStudy
 
@@ -31,27 +31,65 @@ def with_limits(
     by_scenario: dict[str, Limits] = {}
     try:
         for scenario in results.scenarios:
-            best = judged(results, scenario)
-            if best is None or results.study.scenario[scenario].faults:
-                continue
-            run, metric, order = best.run, best.metric, best.line.order
-            if not (long or is_quick(results.study, scenario, run.controller)):
+            if results.study.scenario[scenario].faults:
                 continue
             if progress is not None:
                 progress(scenario)
-            in_jerks = run.controller in best.line.missed
-            limited = limits(results.study, run, metric, order, jobs, traces, in_jerks)
+            limited = settings = _holding(results, scenario, by_scenario, long, jobs, traces)
+            if settings is None or not settings.cures:
+                limited = _limits(results, scenario, by_scenario, long, jobs, traces) or settings
+            if limited is not None and settings is not None:
+                limited = replace(limited, in_vain=settings.in_vain)
             if limited is not None:
-                others = [*_elsewhere(results, run, by_scenario, long)]
-                limited = without_harm(results.study, limited, others, jobs, traces)
-                rival = learner(results, best)
-                if rival is not None:
-                    holds = rival.controller not in best.line.missed
-                    limited = beside_learner(results.study, limited, rival, metric, holds, jobs, traces)
                 by_scenario[scenario] = limited
     except KeyboardInterrupt:
         pass
     return replace(results, limits=by_scenario)
+
+
+def _holding(
+    results: Results,
+    scenario: str,
+    by_scenario: Mapping[str, Limits],
+    long: bool,
+    jobs: int | None,
+    traces: Path | None,
+) -> Limits | None:
+    """The settings with which a law holds the speed of a scenario in which none does; None: none tried."""
+    lost = unheld(results, scenario)
+    if lost is None or not (long or is_quick(results.study, scenario, lost.run.controller)):
+        return None
+    limited = holding(results.study, lost.run, lost.metric, lost.line.order, jobs, traces)
+    if limited is None or not limited.cures:
+        return limited
+    others = [*_elsewhere(results, lost.run, by_scenario, long)]
+    return without_harm(results.study, limited, others, jobs, traces)
+
+
+def _limits(
+    results: Results,
+    scenario: str,
+    by_scenario: Mapping[str, Limits],
+    long: bool,
+    jobs: int | None,
+    traces: Path | None,
+) -> Limits | None:
+    """What limits a scenario's best run."""
+    best = judged(results, scenario)
+    if best is None or not (long or is_quick(results.study, scenario, best.run.controller)):
+        return None
+    run, metric = best.run, best.metric
+    in_jerks = run.controller in best.line.missed
+    limited = limits(results.study, run, metric, best.line.order, jobs, traces, in_jerks)
+    if limited is None:
+        return None
+    others = [*_elsewhere(results, run, by_scenario, long)]
+    limited = without_harm(results.study, limited, others, jobs, traces)
+    rival = learner(results, best)
+    if rival is None:
+        return limited
+    holds = rival.controller not in best.line.missed
+    return beside_learner(results.study, limited, rival, metric, holds, jobs, traces)
 
 
 def _elsewhere(
@@ -113,9 +151,23 @@ def _learning_off(results: Results, best: Judged, traces: Path | None) -> Learni
         controller=run.controller,
         metric=result_name(metric),
         order=line.order,
-        signal=line.signal,
         value=value,
     )
+
+
+def best_controller(results: Results) -> str | None:
+    """The controller that holds the speed and is the best in most scenarios.
+
+    None: none holds a speed, or there is only one controller.
+    """
+    if len({run.controller for run in results.runs}) < 2:
+        return None
+    winners = [
+        best.run.controller
+        for scenario in results.scenarios
+        if (best := judged(results, scenario)) is not None and best.run.controller not in best.line.missed
+    ]
+    return max(winners, key=winners.count, default=None)
 
 
 def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:

@@ -21,12 +21,12 @@ from cogless.design.ripple import HARMFUL_RATIO
 from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
-from cogless.report.speed_tracking import STATE_TIME_LEAST, miss_words, rows_of, span_of, spans, speed_miss
+from cogless.report.speed_tracking import STATE_TIME_LEAST, miss_words, spans
 from cogless.results import AnyResults, Results, Run
-from cogless.results.held_speed import JERKS_RATIO, unevenness
+from cogless.results.held_speed import JERKS_RATIO, missed_in, unevenness
 from cogless.results.metrics import result_name
 from cogless.results.trace import BLOCK_ROWS
-from cogless.study import Study
+from cogless.results.windows import in_torque_mode, rows_of, span_of
 from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
 from cogless.study.reading import Remark
@@ -167,7 +167,7 @@ class Line:
 
     @property
     def _plain_name(self) -> str:
-        return self.name.replace("_", " ").replace("-", " ")
+        return spoken(self.name)
 
     @property
     def best(self) -> set[str]:
@@ -215,6 +215,11 @@ class Line:
         return self.number(controller) + (f" {self.unit}".rstrip() if value is not None else "")
 
 
+def spoken(name: str) -> str:
+    """A metric's name as it is printed, such as "speed ripple"."""
+    return name.replace("_", " ").replace("-", " ")
+
+
 def runs_in(results: AnyResults, scenario: str) -> list[Run]:
     """The runs of a scenario."""
     return [run for run in results.runs if run.scenario == scenario]
@@ -232,9 +237,7 @@ def compare(results: Results, scenario: str) -> list[Line]:
             first_rows = rows[taken[0].controller]
             torque = in_torque_mode(results.study, taken[0], first_rows)
             misses_of_runs = [
-                (run, speed)
-                for run in taken
-                if not torque and (speed := speed_miss(run, rows[run.controller])) is not None
+                (run, speed) for run in taken if (speed := missed_in(results, metric, run)) is not None
             ]
             not_held = {
                 run.controller: pretty(miss_words(speed, run, rows[run.controller], speed_unit(results)))
@@ -272,12 +275,6 @@ def _uneven(runs: Sequence[Run], rows: Mapping[str, slice]) -> dict[str, float]:
         if ratio is not None:
             uneven[run.controller] = ratio
     return uneven
-
-
-def in_torque_mode(study: Study, run: Run, rows: slice) -> bool:
-    """Whether an outer loop's current acts in some of these rows of a run, in place of the speed loop."""
-    torque, time = study.scenario[run.scenario].torque_mode, run.trace.time[rows]
-    return torque is not None and len(time) > 0 and torque.acts_within(float(time[0]), float(time[-1]))
 
 
 def too_few_turns(metric: Metric, run: Run, rows: slice) -> bool:

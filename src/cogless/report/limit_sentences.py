@@ -7,13 +7,14 @@ from typing import Any
 
 from cogless.catalogue import sensor_words
 from cogless.design.changes import SENSOR, SENSOR_BITS
-from cogless.report.comparison import shown_in
+from cogless.report.comparison import shown_in, spoken
 from cogless.report.markup import number
 from cogless.report.verdicts import called, listed, ratio, times
 from cogless.results.limits import CAUSES, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Harm, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
 from cogless.study.messages import dotted, look_up
+from cogless.study.metric import Metric
 from cogless.study.reading import Changes, Remark, split
 from cogless.study.toml import toml
 
@@ -21,7 +22,7 @@ from cogless.study.toml import toml
 WITHOUT = {
     "learning-time": "in a longer run",
     TORQUE_RIPPLE: "without any torque ripple",
-    "delay": "without delay (with an ideal position sensor)",
+    "delay": "with an exact position sensor in a loop without delay",
     "belief": "with the true motor parameters",
 }
 
@@ -29,22 +30,40 @@ WITHOUT = {
 def remark(study: StudyBase, limits: Limits) -> Remark | None:
     """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
     named = limits.named
-    if not named:
-        return None
-    metric = next(m for m in study.metrics_in(limits.scenario) if result_name(m) == limits.metric)
-    unit, scale = shown_in(study, metric)
+    in_vain = _in_vain(study, limits)
+    if not (named or limits.holding):
+        return Remark(in_vain) if in_vain else None
 
     def with_unit(value: float) -> str:
-        return f"{number(value / scale)} {unit}".rstrip()
+        return _with_unit(study, _metric(study, limits, limits.metric), value)
 
+    if limits.holding is not None:
+        cure = limits.holding
+        text = f"With {setting(study, cure.changes)}, {called(study, limits.controller)} held the speed:"
+        text += f" simulated again, it left {with_unit(cure.value)}{_harms(study, cure)}."
+        return Remark(text, (cure.changes,))
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
     text = f"What limits {own}: simulated again, it left {listed(parts)}."
+    if in_vain:
+        text += f" {in_vain}"
+    elif limits.cures and not limits.advised:
+        text += " No change that was tried leaves clearly less."
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
         text += f" {setting(study, cure.changes)}{_sensor(cure)} left {with_unit(cure.value)}"
-        text += f"{_costs(cure)}{_harms(study, cure)}.{_of_learner(study, limits, cure, with_unit)}"
+        text += f"{_costs(study, limits, cure)}{_harms(study, cure)}."
+        text += _of_learner(study, limits, cure, with_unit)
     return Remark(text, tuple(cure.changes for cure in limits.advised))
+
+
+def _in_vain(study: StudyBase, limits: Limits) -> str:
+    """The settings with which a controller does not hold the speed; "" if none were tried or one holds it."""
+    vain = limits.in_vain
+    if vain is None:
+        return ""
+    name = called(study, vain.controller)
+    return f"Tried in vain to hold the speed with {name}: {listed(vain.settings)}."
 
 
 def _of_learner(study: StudyBase, limits: Limits, cure: Cure, with_unit: Callable[[float], str]) -> str:
@@ -84,12 +103,23 @@ def _sensor(cure: Cure) -> str:
     return "" if bits is None else f" ({sensor_words(bits)})"
 
 
-def _costs(cure: Cure) -> str:
-    """The metric that a cure harms most, such as ", but 2.1 times the dip"; "" if it harms none clearly."""
+def _costs(study: StudyBase, limits: Limits, cure: Cure) -> str:
+    """The metric that a cure harms most, such as ", but 2.1 times the dip (6 rpm)"; "" if it harms none."""
     if not cure.costs:
         return ""
-    name, factor = max(cure.costs.items(), key=lambda cost: cost[1])
-    return f", but {times(factor)} the {name}"
+    cost = max(cure.costs, key=lambda cost: cost.ratio)
+    metric = _metric(study, limits, cost.metric)
+    return f", but {times(cost.ratio)} the {spoken(metric.name)} ({_with_unit(study, metric, cost.value)})"
+
+
+def _metric(study: StudyBase, limits: Limits, name: str) -> Metric:
+    """The metric of the scenario that has this name in results.json."""
+    return next(metric for metric in study.metrics_in(limits.scenario) if result_name(metric) == name)
+
+
+def _with_unit(study: StudyBase, metric: Metric, value: float) -> str:
+    unit, scale = shown_in(study, metric)
+    return f"{number(value / scale)} {unit}".rstrip()
 
 
 def _harms(study: StudyBase, cure: Cure) -> str:

@@ -22,10 +22,11 @@ from cogless.report.charts import Bars, OverRun, Series, Spectrum, Waterfall
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.markup import number, place
 from cogless.report.panels import learned_terms, varies_in
-from cogless.report.speed_tracking import TRACKING_ROWS, late
+from cogless.report.speed_tracking import TRACKING_ROWS
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
 from cogless.results.trace import Array, Trace
+from cogless.results.windows import late
 from cogless.study.metric import turns_held
 from cogless.units import ANGULAR_SPEED, TURN, factor
 

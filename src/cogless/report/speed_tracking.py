@@ -16,10 +16,9 @@ from cogless.report.markup import number, place
 from cogless.report.verdicts import listed
 from cogless.results import AnyResults, Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.held_speed import Miss, miss
-from cogless.results.metrics import window_of
+from cogless.results.held_speed import Miss, speed_miss
+from cogless.results.windows import late
 from cogless.study.base import spoken_unit
-from cogless.study.metric import Metric
 from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, factor
 
@@ -91,43 +90,6 @@ MONITOR_EFFECTS = {
 MONITORED_SHARE = 0.1  # share of the rows; an effect of the monitor in fewer rows is not reported
 STOPPED_SHARE = 0.05  # share of the mean reference; a rotor that is ever slower has stopped
 LIMIT_NOTE = ", at the limit of current or voltage"
-
-
-def late(results: Results, run: Run) -> slice:
-    """Rows of the last part of a run, from which spectra and the shares of terms are computed.
-
-    They are the time window of the scenario's last order metric. Without one they are the last quarter, or
-    less if an event is shortly before it.
-    """
-    if not len(run.trace):
-        return slice(0, 0)
-    end = float(run.trace.time[-1])
-    for metric in reversed(results.study.metrics_in(run.scenario)):
-        span = metric.span(end)
-        if metric.kind == "order" and span is not None and span[0] < end:
-            return run.trace.window(*span)
-    events = [event.time for event in results.study.scenario[run.scenario].events if event.time < end]
-    return run.trace.window(max([0.75 * end, *(0.5 * (t + end) for t in events)]), end)
-
-
-def rows_of(results: Results, metric: Metric, run: Run) -> slice:
-    """Rows over which a metric is taken: its window, else from its event to the next, else the last part."""
-    end = float(run.trace.time[-1]) if len(run.trace) else 0.0
-    if metric.span(end) is None and metric.event is None:
-        return late(results, run)
-    events = [event.time for event in results.study.scenario[run.scenario].events]
-    return run.trace.window(*window_of(metric, run.trace, events))
-
-
-def span_of(results: Results, metric: Metric, run: Run) -> tuple[float, float] | None:
-    """The time span over which a metric is taken in a run, s; None if the run has no trace."""
-    time = run.trace.time[rows_of(results, metric, run)]
-    return (float(time[0]), float(time[-1])) if len(time) else None
-
-
-def speed_miss(run: Run, rows: slice) -> Miss | None:
-    """How the speed missed its reference in these rows; None if it was held."""
-    return miss(run.trace.part("omega_ref", rows), run.trace.part("omega_m", rows))
 
 
 def missed(run: Run, rows: slice, unit: str) -> str | None:

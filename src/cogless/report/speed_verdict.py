@@ -56,7 +56,6 @@ from cogless.study.metric import Conditions, Metric
 from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
-MEASURED = " as measured"  # the end of a line's name
 DOMINANT_SHARE = 0.5  # share of the square above which the sensor's error dominates
 # For each true signal, the measured signal that a law sees.
 MEASURED_SIGNALS = {
@@ -115,8 +114,7 @@ def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
         seen[run.controller] = value / factor(line.unit, metric.dimension)
     if not shares:
         return None
-    name = f"{line.name}{MEASURED}"
-    return Sensor(replace(line, name=name, signal=measured, values=seen), shares)
+    return Sensor(replace(line, signal=measured, values=seen), shares)
 
 
 def _value(run: Run, metric: Metric, line: Line, signal: str, kind: str, conditions: Conditions) -> float:
@@ -210,12 +208,30 @@ def judged(results: Results, scenario: str) -> Judged | None:
     If no run holds its speed, the best of the runs that hold the mean speed is taken.
     """
     runs = runs_in(results, scenario)
-    case = _seen_case(results, runs)
+    case = _judged_case(results, runs)
     best = next(iter(case.ranked or case.holding or case.jerking), None) if case is not None else None
     if case is None or best is None:
         return None
     metric = _metric_of(results, scenario, case.line)
     return Judged(next(run for run in runs if run.controller == best), metric, case.line)
+
+
+def unheld(results: Results, scenario: str) -> Judged | None:
+    """The run to hold the speed of a scenario in which none does, of a law that learns if there is one.
+
+    None: a run holds the speed, or nothing judges the scenario.
+    """
+    runs = runs_in(results, scenario)
+    case = _judged_case(results, runs)
+    if case is None or case.holding or not case.line.missed:
+        return None
+
+    def rank(run: Run) -> tuple[bool, float]:
+        value = case.line.values.get(run.controller)
+        return not results.study.controller[run.controller].learns, math.inf if value is None else value
+
+    lost = [run for run in runs if run.controller in case.line.missed]
+    return Judged(min(lost, key=rank), _metric_of(results, scenario, case.line), case.line)
 
 
 def learner(results: Results, best: Judged) -> Run | None:
@@ -258,7 +274,7 @@ class Contrast:
 
 def contrast(results: Results, runs: Sequence[Run]) -> Contrast | None:
     """What a scenario's answer shows, before and after; None if no metric judges it."""
-    case = _seen_case(results, runs)
+    case = _judged_case(results, runs)
     if case is None:
         return None
     line, base = case.line, case.baseline
@@ -272,7 +288,7 @@ def contrast(results: Results, runs: Sequence[Run]) -> Contrast | None:
 
 def learning_off(results: Results, runs: Sequence[Run]) -> LearningHelps | None:
     """A scenario's best law compared with itself with learning off; None if no run shows this."""
-    case = _seen_case(results, runs)
+    case = _judged_case(results, runs)
     return learning_helps(case) if case is not None and case.ranked else None
 
 
@@ -292,25 +308,19 @@ def changed_by(pair: Contrast) -> str:
     return change_words(ratio(abs(values[1] or 0.0), abs(values[0] or 0.0)))
 
 
-def _seen_case(results: Results, runs: Sequence[Run]) -> _Case | None:
-    """A scenario's case, by measured values if the sensor's error dominates; None if no line judges it."""
+def _judged_case(results: Results, runs: Sequence[Run]) -> _Case | None:
+    """A scenario's case; None if no line judges it."""
     basis = _basis(results, runs)
-    if basis.line is None or basis.unjudged:
-        return None
-    part = sensor(results, runs[0].scenario, basis.line)
-    return _by_what_is_seen(_case(results, runs, basis), part)[0]
+    return None if basis.line is None or basis.unjudged else _case(results, runs, basis)
 
 
 def _metric_of(results: Results, scenario: str, line: Line) -> Metric:
-    """The metric of a line; a line of measured values belongs to the metric of the true ones."""
-    name = line.name.removesuffix(MEASURED)
-    named = {metric.name: metric for metric in results.study.metrics_in(scenario)}
-    return named[line.name if line.name in named else name]
+    return next(metric for metric in results.study.metrics_in(scenario) if metric.name == line.name)
 
 
 def judged_line(results: Results, runs: Sequence[Run]) -> Line | None:
     """The line by which a scenario's controllers are judged; None if there is none."""
-    case = _seen_case(results, runs)
+    case = _judged_case(results, runs)
     return case.line if case is not None else None
 
 
@@ -362,7 +372,8 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         return None
     line = basis.line
     limited = remark(results.study, results.limits[scenario]) if scenario in results.limits else None
-    case, own = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, line), limited)
+    case = _case(results, runs, basis)
+    own = _of_the_sensor(case, sensor(results, scenario, line), limited)
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
     unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, scenario, [case.line])]
@@ -399,23 +410,21 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 
 
-def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = None) -> tuple[_Case, str]:
-    """The case, judged by measured values if the sensor's own error dominates, and a sentence about this.
+def _of_the_sensor(case: _Case, part: Sensor | None, limited: Remark | None) -> str:
+    """A sentence on the controllers whose error is mostly the sensor's own; "" if there are none.
 
     `limited`: the remark on what limits the best run. A further run measured the sensor's share for it, so
     the sentence doesn't repeat that share.
     """
     blurred = [c for c in case.holding if part is not None and part.dominates(c)]
     if part is None or not blurred:
-        return case, ""
+        return ""
+    remainder = f"The measured values show: {case.values_in_words(blurred, part.seen)}."
+    if limited:
+        return remainder
     values = listed([f"{case.label(c)} {case.line.value_text(c)} ({part.percent(c)})" for c in blurred])
     whose = "the sensor's own error, which no law can see (in brackets: its share of the mean square)"
-    own = f"Most of the true {case.line.quantity} comes from {whose}: {values}."
-    if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        remainder = f"The measured values show: {case.values_in_words(blurred, part.seen)}."
-        return case, remainder if limited else f"{own} {remainder}"
-    lines = [part.seen if line is case.line else line for line in case.lines]
-    return replace(case, line=part.seen, lines=lines), own
+    return f"Most of the true {case.line.quantity} comes from {whose}: {values}. {remainder}"
 
 
 def _headline(case: _Case) -> tuple[str, str]:
@@ -483,11 +492,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
 def learning_helps(case: _Case) -> LearningHelps | None:
     """The best law compared with itself with learning off; None if no run shows this."""
     line, off = case.line, case.off
-    if (
-        off is None
-        or (off.signal, off.order) != (line.signal, line.order)
-        or off.controller not in case.winners
-    ):
+    if off is None or off.order != line.order or off.controller not in case.winners:
         return None
     name = off.controller
     whose = "with learning off" if len(case.winners) == 1 else f"{case.label(name)} with learning off"
@@ -643,12 +648,12 @@ def _costs(case: _Case) -> str:
     best = next((c for c in case.winners if c != case.baseline), None)
     if best is None or case.baseline not in case.ranked:
         return ""
-    costs, compared = [], 0
+    costs, compared = [], False
     for line in case.lines:
         ratio = line.ratio(best, case.baseline)
         if line is case.line or ratio is None or (_is_part(case, line) and _is_slight(case, line, best)):
             continue
-        compared += 1
+        compared = True
         if ratio > 1 + COST_LEAST:
             more = f"{100 * (ratio - 1):.0f} % more" if ratio < 2 else f"{times(ratio)} the"
             costs.append(f"{more} {line.quantity} ({line.value_text(best)})")
@@ -657,8 +662,7 @@ def _costs(case: _Case) -> str:
     if not compared:
         return ""
     whose = f"with {case.label(best)} than with {case.label(case.baseline)}"
-    other = "The other metric isn't" if compared == 1 else f"None of the {compared} other metrics is"
-    return f"{other} worse {whose}."
+    return f"Of the other metrics compared, none is clearly worse {whose}."
 
 
 def _rest(case: _Case) -> str:

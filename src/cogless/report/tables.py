@@ -18,7 +18,6 @@ from cogless.report.comparison import (
     Line,
     compare,
     factor_text,
-    in_torque_mode,
     pretty,
     remarks,
     speed_unit,
@@ -26,9 +25,9 @@ from cogless.report.comparison import (
 )
 from cogless.report.markup import headings, key, note, number, reservations, rms, table, table_rows, tint
 from cogless.report.panels import LEARNED_SIGNALS
-from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import evaluate
+from cogless.results.windows import in_torque_mode, late
 from cogless.study.base import spoken_unit
 from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.units import ANGLE, factor

@@ -8,7 +8,10 @@ from typing import Literal
 
 import numpy as np
 
+from cogless.results.runs import Results, Run
 from cogless.results.trace import Array
+from cogless.results.windows import in_torque_mode, rows_of
+from cogless.study.metric import Metric
 
 MEAN_ERROR_MOST = 0.05  # share of the reference's mean magnitude: beyond this the mean speed is off
 # largest error rms / mean magnitude of a reference of one sign; a sine of this rms stops the rotor
@@ -32,6 +35,13 @@ class Miss:
     value: float
     target: float
 
+    @property
+    def error(self) -> float:
+        """The error / the reference: of the mean, or of its rms; infinite for a speed that isn't finite."""
+        if self.kind == "infinite" or not self.target:
+            return math.inf
+        return abs(self.value - self.target if self.kind == "mean" else self.value) / abs(self.target)
+
 
 def miss(reference: Array, speed: Array) -> Miss | None:
     """How a speed, rad/s, missed its reference; None if it was held.
@@ -44,14 +54,31 @@ def miss(reference: Array, speed: Array) -> Miss | None:
         return _off(reference, speed) if _off(reference[half], speed[half]) else None
 
 
+def speed_miss(run: Run, rows: slice) -> Miss | None:
+    """How the speed missed its reference in these rows; None if it was held."""
+    return miss(run.trace.part("omega_ref", rows), run.trace.part("omega_m", rows))
+
+
+def missed_in(results: Results, metric: Metric, run: Run) -> Miss | None:
+    """How the speed missed its reference where a metric is taken.
+
+    None: it was held, or an outer loop sets the current there, so no speed is to be held.
+    """
+    rows = rows_of(results, metric, run)
+    return None if in_torque_mode(results.study, run, rows) else speed_miss(run, rows)
+
+
 def unevenness(reference: Array, speed: Array) -> float | None:
     """The error's rms / the mean magnitude of a reference of one sign, for a speed with the right mean.
 
-    None: the ratio is below UNEVEN_RATIO, or a mean is off. A speed is held up to JERKS_RATIO.
+    None: the ratio is below UNEVEN_RATIO, or a mean is off. A speed is held up to JERKS_RATIO. The ratio is
+    that of all rows, as in `miss`; but where only the second half is held, it is that of this half.
     """
     half = slice(len(speed) // 2, None)
-    ratio = min(_unevenness(reference, speed), _unevenness(reference[half], speed[half]))
-    return ratio if ratio >= UNEVEN_RATIO else None
+    ratio, later = _unevenness(reference, speed), _unevenness(reference[half], speed[half])
+    if min(ratio, later) < UNEVEN_RATIO:
+        return None
+    return later if later <= JERKS_RATIO < ratio else ratio
 
 
 def _unevenness(reference: Array, speed: Array) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 TORQUE_RIPPLE = "disturbance"
@@ -47,6 +48,19 @@ class Cause:
 
 
 @dataclass(frozen=True)
+class Cost:
+    """A metric that a change makes clearly worse in the same run, SI. `metric`: its name in results.json."""
+
+    metric: str
+    before: float
+    value: float
+
+    @property
+    def ratio(self) -> float:
+        return self.value / self.before
+
+
+@dataclass(frozen=True)
 class Harm:
     """Another scenario that a change makes clearly worse.
 
@@ -65,7 +79,7 @@ class Cure:
     """A change of the study, values by dotted key, that was tried against a cause.
 
     `value`: the metric with the change, SI. `setting`: the change needs no other part, only another number.
-    `costs`: other metrics that get clearly worse with the change, each with the ratio to its value before.
+    `costs`: other metrics that get clearly worse with the change.
     `learner`: the metric of `Limits.learner` with the change, SI; None: that law was not tried, or does not
     hold the speed. `harms`: the other scenarios that get clearly worse; known only of an advised change, and
     of the changes that it replaces.
@@ -75,7 +89,7 @@ class Cure:
     changes: Mapping[str, Any]
     value: float
     setting: bool
-    costs: Mapping[str, float] = field(default_factory=dict)
+    costs: Sequence[Cost] = ()
     learner: float | None = None
     harms: Sequence[Harm] = ()
 
@@ -97,12 +111,23 @@ class Learner:
 
 
 @dataclass(frozen=True)
+class InVain:
+    """Kinds of settings, in words, with none of which, alone or two together, a controller held a speed."""
+
+    controller: str
+    settings: Sequence[str]
+
+
+@dataclass(frozen=True)
 class Limits:
     """What limits a run, judged by one of its metrics, or by one order of this metric.
 
     `causes`: the causes of error in the study, the largest share first; their shares need not add up to one.
     `untried`: causes that can't be taken away from the run, so their shares are unknown. `cures`: the changes
     that were tried, the best first. `learner`: another law with which the advised cures were also tried.
+    `value`: infinite if no controller holds the speed of the scenario; then there are no causes, and with
+    each of the cures the controller holds the speed. `in_vain`: the settings with which
+    none holds it.
     """
 
     scenario: str
@@ -114,6 +139,7 @@ class Limits:
     untried: Sequence[str] = ()
     cures: Sequence[Cure] = ()
     learner: Learner | None = None
+    in_vain: InVain | None = None
 
     @property
     def named(self) -> list[Cause]:
@@ -134,6 +160,11 @@ class Limits:
         None: no such change that was tried helps.
         """
         return self._best(True)
+
+    @property
+    def holding(self) -> Cure | None:
+        """The best setting with which the controller holds a speed that no controller holds."""
+        return self.setting if math.isinf(self.value) else None
 
     @property
     def part(self) -> Cure | None:

@@ -79,7 +79,10 @@ def _learning_off(results: AnyResults) -> dict[str, Any]:
 
 
 def _limits(results: AnyResults) -> dict[str, Any]:
-    """What limits each scenario's best run; shares are of the metric's square, values in its SI unit."""
+    """What limits each scenario's best run; shares are of the metric's square, values in its SI unit.
+
+    A value that is null: no controller holds the speed of the scenario.
+    """
     if not results.limits:
         return {}
     entries = [
@@ -88,20 +91,21 @@ def _limits(results: AnyResults) -> dict[str, Any]:
             "controller": limited.controller,
             "metric": limited.metric,
             **({} if limited.order is None else {"order": limited.order}),
-            "value": limited.value,
+            "value": _plain(limited.value),
             "causes": [
                 {"cause": cause.name, "without": cause.value, "share": cause.share}
                 for cause in limited.causes
             ],
             "untried": list(limited.untried),
             **({} if limited.learner is None else {"learner": asdict(limited.learner)}),
+            **({} if limited.in_vain is None else {"in_vain": asdict(limited.in_vain)}),
             "tried": [
                 {
                     "against": cure.cause,
                     "set": as_json(dict(cure.changes)),
                     "value": cure.value,
                     "setting": cure.setting,
-                    "costs": dict(cure.costs),
+                    "costs": {cost.metric: cost.ratio for cost in cure.costs},
                     **({} if cure.learner is None else {"learner": cure.learner}),
                     **({"harms": [asdict(harm) for harm in cure.harms]} if cure.harms else {}),
                 }

@@ -58,15 +58,14 @@ class Run:
 class LearningOff:
     """What a scenario's best learning law leaves with the same gains and its learning off.
 
-    `metric`: the one that judges the scenario. `signal`: the metric's signal, or the measured one if that one
-    judges. `value`: SI; None: with learning off the law did not hold the speed.
+    `metric`: the one that judges the scenario. `value`: SI; None: with learning off the law did not hold the
+    speed.
     """
 
     scenario: str
     controller: str
     metric: str  # its name in results.json
     order: float | None
-    signal: str | None
     value: float | None
 
 

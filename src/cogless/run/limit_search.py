@@ -24,36 +24,40 @@ from typing import Any
 
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
-from cogless.results import Run
-from cogless.results.held_speed import JERKS_RATIO, MEAN_ERROR_MOST
+from cogless.results import Results, Run
+from cogless.results.held_speed import Miss, missed_in
 from cogless.results.limits import (
     AND,
     HELPING_SHARE,
     NAMED_MOST,
     TORQUE_RIPPLE,
     Cause,
+    Cost,
     Cure,
     Harm,
+    InVain,
     Learner,
     Limits,
 )
 from cogless.results.metrics import Value, result_name
 from cogless.run.cures import candidates
+from cogless.run.settings_search import HOLDING_WAYS, Shortfall, searched
 from cogless.run.simulate import RunError, rollout
 from cogless.run.suspects import ROWS_KEY, Suspect, suspects
-from cogless.study import Study, changed, for_scenario
+from cogless.study import AnyStudy, Study, changed, for_scenario
 from cogless.study.metric import Metric
+from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes, split, with_tables
 from cogless.units import ANGLE, ANGULAR_SPEED
 
-MEAN_ERROR, RMS_ERROR = "limits_mean_error", "limits_rms_error"
 SPEED_SHARE_LEAST = 1e-4  # speed ripple / top reference, below which nothing is left to gain
 MOST_SHARE = 0.5  # share of the result's square that counts as most of it
 PAIRED_CAUSES = 4  # number of the largest causes, which are also removed in pairs
 CLEARLY_WORSE = 1.5  # metric's value after a change / before the change
 PLANT_TABLES = ("motor", "drive", "mechanics")  # tables that a scenario may override
 OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
+UNHELD = Shortfall(lost=1, ripple=math.inf, error=math.inf)
 STEP_SHARE_LEAST = 0.01  # angle ripple / position sensor's step, below which nothing is left to gain
 
 
@@ -107,6 +111,52 @@ def limits(
         untried=untried,
     )
     return replace(limited, cures=_cures(tries, study, run, metric, limited))
+
+
+def holding(
+    study: Study,
+    run: Run,
+    metric: Metric,
+    order: float | None = None,
+    jobs: int | None = None,
+    traces: Path | None = None,
+) -> Limits | None:
+    """The settings with which a run that does not hold its speed holds it, as cures.
+
+    Tries at most two settings together, in at most two dozen runs of the scenario. None: the speed is beyond
+    the bus voltage, so nothing is tried. Parameters and KeyboardInterrupt: as of `limits`.
+    """
+    own_study = for_scenario(study, run.scenario)
+    speed = study.scenario[run.scenario].top_reference
+    if speed > voltage_reach(own_study):
+        return None
+    tries = _Tries(study, run, metric, order, jobs, traces)
+    cures: dict[str, Cure] = {}
+
+    def studies(changes: Changes) -> Study:
+        return for_scenario(changed(study, tries.placed(changes)), run.scenario)
+
+    def tried(of: Sequence[Changes]) -> list[Shortfall | None]:
+        placed = [tries.placed(changes) for changes in of]
+        if placed == [{}]:  # the run as it is
+            return [UNHELD]
+        lacking = tries.shortfalls(placed)
+        for changes, lack in zip(placed, lacking, strict=True):
+            if lack is not None and lack.lost == 0:
+                cures[repr(changes)] = Cure("", changes, lack.ripple, True)
+        return lacking
+
+    _, in_vain = searched(HOLDING_WAYS, studies, tried, until_held=True)
+    return Limits(
+        scenario=run.scenario,
+        controller=run.controller,
+        metric=result_name(metric),
+        order=order,
+        value=math.inf,
+        causes=[],
+        cures=sorted(cures.values(), key=lambda cure: cure.value),
+        in_vain=InVain(run.controller, in_vain) if in_vain and not cures else None,
+    )
 
 
 @dataclass(frozen=True)
@@ -238,16 +288,16 @@ def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause],
     return [cause for cause in causes_of_two if cause.share >= MOST_SHARE]
 
 
-def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
-    """Metrics other than `judged` that a change made clearly worse: name -> value / the run's value."""
-    costs = {}
+def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> list[Cost]:
+    """Metrics other than `judged` that a change made clearly worse."""
+    costs = []
     for metric in study.metrics_in(run.scenario):
         name = result_name(metric)
         before, after = run.metrics.get(name), metrics.get(name)
         if metric == judged or metric.better_direction != "lower" or not before or isinstance(before, list):
             continue
         if isinstance(after, float) and after / before >= CLEARLY_WORSE:
-            costs[name] = after / before
+            costs.append(Cost(name, before, after))
     return costs
 
 
@@ -277,6 +327,7 @@ class _Tries:
         self._study, self._run, self._metric, self._order = study, run, metric, order
         self._jobs, self._traces, self._in_jerks = jobs, traces, in_jerks
         self._tried: dict[str, Mapping[str, Value]] = {repr({}): run.metrics}
+        self._missed: dict[str, Miss] = {}
 
     def value_of(self, metrics: Mapping[str, Value]) -> float | None:
         """The judged metric's value, SI; None if the metric has no finite value."""
@@ -295,21 +346,43 @@ class _Tries:
             key: study for key, changes in new.items() if (study := self._changed(changes)) is not None
         }
         self._tried |= {key: {} for key in new}
-        for key, run in zip(studies, self._runs([*studies.values()]), strict=True):
-            if run is not None and self._holds_speed(run.metrics):
+        for key, run, speed in zip(studies, *self._runs([*studies.values()]), strict=True):
+            if speed is not None:
+                self._missed[key] = speed
+            if run is not None and (speed is None or (self._in_jerks and speed.kind == "error")):
                 self._tried[key] = run.metrics
         return [self._tried[repr(changes)] for changes in of]
 
-    def _runs(self, studies: Sequence[Study]) -> list[Run | None]:
-        """The run in each of these studies; None for a run that fails."""
+    def shortfalls(self, of: Sequence[Changes]) -> list[Shortfall | None]:
+        """What the run lacks after each of these changes; None: the study refuses it, or the run fails."""
+        lacking: list[Shortfall | None] = []
+        for changes, metrics in zip(of, self.metrics(of), strict=True):
+            speed, value = self._missed.get(repr(changes)), self.value_of(metrics)
+            ripple = None if value is None else Shortfall(lost=0, ripple=value, error=0.0)
+            lack = ripple if speed is None else UNHELD._replace(error=speed.error)
+            lacking.append(lack if self.fits(changes) else None)
+        return lacking
+
+    def _runs(self, studies: Sequence[Study]) -> tuple[list[Run | None], list[Miss | None]]:
+        """The run in each of these studies, None for a run that fails; and how it missed the speed, if so."""
+        missed: dict[int, Miss | None] = {}
+        by_id = {id(study): study for study in studies}
+
+        def finished(study: AnyStudy, run: Run) -> None:
+            own_study = by_id[id(study)]
+            missed[id(study)] = missed_in(Results(own_study, [run]), own_study.metric[0], run)
+
         only = ["/".join((self._run.scenario, self._run.controller))]
         try:
-            rolled = rollout(studies, only, self._jobs, keep_traces=False, traces=self._traces)
+            rolled = rollout(
+                studies, only, self._jobs, keep_traces=False, traces=self._traces, finished=finished
+            )
             if any(results.interrupted for results in rolled):
                 raise KeyboardInterrupt
         except RunError as error:
             rolled = error.all_results
-        return [next(iter(results.runs), None) for results in rolled]
+        runs = [next(iter(results.runs), None) for results in rolled]
+        return runs, [missed.get(id(study)) for study in studies]
 
     def fits(self, changes: Changes) -> bool:
         """Whether the whole study, with its other scenarios and controllers, accepts these changes."""
@@ -352,7 +425,7 @@ class _Tries:
     def _alone(self) -> Study:
         """The study with this run's controller alone, without the numbers of the rule auto.
 
-        The first metric judges the run. The last two metrics show whether the speed is held.
+        The first metric judges the run.
         """
         return self._with_metrics(self._study.metrics_in(self._run.scenario))
 
@@ -370,14 +443,7 @@ class _Tries:
         own = [m for m in metrics_kept if result_name(m) in self._run.metrics]
         places = [study.metric.index(m) for m in (self._metric, *(m for m in own if m != self._metric))]
         metrics = [source.tables["metric"][place] for place in places]
-        metrics[0] = {**metrics[0], "scenarios": [scenario]}
-        over = {key: metrics[0][key] for key in ("window", "last") if key in metrics[0]}
-        of_error = {"signal": "omega_error", "scenarios": [scenario], **over}
-        tables["metric"] = [
-            *metrics,
-            {"name": MEAN_ERROR, "kind": "mean", **of_error},
-            {"name": RMS_ERROR, "kind": "rms", **of_error},
-        ]
+        tables["metric"] = [{**metrics[0], "scenarios": [scenario]}, *metrics[1:]]
         of_law = study.scenarios_of(controller)  # a rule looks at all of them
         tables["controller"] = {controller: tables["controller"][controller]}
         tables["scenario"] = {n: {**tables["scenario"][n], "controllers": [controller]} for n in of_law}
@@ -389,31 +455,12 @@ class _Tries:
     def _changed(self, changes: Changes) -> Study | None:
         """The study of this run alone with these changes; None if they are refused."""
         alone = self._at_samples if ROWS_KEY in changes else self._alone
-        place, last = f"metric.{self._study.metric.index(self._metric)}.", len(alone.metric) - 1
-        judging = (0, last - 1, last)
-        own: dict[str, Any] = {}
-        for key, value in changes.items():
-            of_metric = key.startswith(place)
-            keys = [f"metric.{n}.{key.removeprefix(place)}" for n in judging] if of_metric else [key]
-            own |= dict.fromkeys(keys, value)
+        place = f"metric.{self._study.metric.index(self._metric)}."
+        own = {
+            f"metric.0.{key.removeprefix(place)}" if key.startswith(place) else key: value
+            for key, value in changes.items()
+        }
         try:
             return filled(changed(alone, own))
         except StudyError:
             return None
-
-    def _holds_speed(self, metrics: Mapping[str, Value]) -> bool:
-        experiment = self._study.scenario[self._run.scenario]
-        begin, end = self._metric.span(experiment.duration) or (0.0, experiment.duration)
-        if experiment.torque_mode is not None and experiment.torque_mode.acts_within(begin, end):
-            return True  # in torque mode an outer loop determines the speed
-        constant = None if self._in_jerks else experiment.constant_speed
-        most = {
-            MEAN_ERROR: MEAN_ERROR_MOST * experiment.top_reference,
-            RMS_ERROR: JERKS_RATIO * abs(constant) if constant is not None else 0.0,
-        }
-        values = {
-            check: next((value for name, value in metrics.items() if name.startswith(check)), None)
-            for check in most
-            if most[check]
-        }
-        return all(isinstance(value, float) and abs(value) <= most[check] for check, value in values.items())

@@ -28,6 +28,7 @@ from cogless.study import AnyStudy, Study
 from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]
+Finished = Callable[[AnyStudy, Run], None]
 
 
 class RunError(StudyError):
@@ -142,6 +143,7 @@ def rollout(
     keep_traces: bool = True,
     traces: Path | None = None,
     signals: Collection[str] | None = None,
+    finished: Finished | None = None,
 ) -> list[AnyResults]:
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
@@ -151,8 +153,9 @@ def rollout(
 
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
     once its metrics are computed, so that thousands of runs fit into memory. `signals`: only these and the
-    time are recorded, and metrics of other signals are left out. `traces` and Ctrl-C: as in run_study.
-    RunError: a run failed, or could not be prepared; its `all_results` has all other runs, finished.
+    time are recorded, and metrics of other signals are left out. `finished`: called with each finished run,
+    whose trace is still whole, from several threads. `traces` and Ctrl-C: as in run_study. RunError: a run
+    failed, or could not be prepared; its `all_results` has all other runs, finished.
     """
     room = TraceRoom(traces, signals)
     refused: dict[tuple[int, Pair], StudyError] = {}
@@ -162,7 +165,7 @@ def rollout(
         designs, errors = _prepared(study, pairs)
         prepared.append((study, designs, pairs))
         refused |= {(number, pair): error for pair, error in errors.items()}
-    return _rollout(prepared, refused, None, jobs or os.cpu_count() or 1, keep_traces, room)
+    return _rollout(prepared, refused, None, jobs or os.cpu_count() or 1, keep_traces, room, finished)
 
 
 def _rollout(
@@ -172,6 +175,7 @@ def _rollout(
     jobs: int,
     keep_traces: bool,
     room: TraceRoom,
+    finished: Finished | None = None,
 ) -> list[AnyResults]:
     """Make the given runs of each study with its designs; return each study's results.
 
@@ -193,6 +197,9 @@ def _rollout(
 
     def group(members: Sequence[_Pending]) -> list[Run | StudyError]:
         outcomes = alone(members[0]) if len(members) == 1 else _together(members, stop, room)
+        for member, run in zip(members, outcomes, strict=True):
+            if finished is not None and isinstance(run, Run):
+                finished(member.study, run)
         return outcomes if keep_traces else [_without_trace(run) for run in outcomes]
 
     groups = _groups(runs, jobs) if len(studies) > 1 else [[run] for run in runs]

@@ -19,7 +19,8 @@ from cogless.control_library import NOTICED, SAFE_OUTPUT
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.held_speed import miss, unevenness
+from cogless.results.held_speed import Miss, speed_miss, unevenness
+from cogless.run.settings_search import Shortfall
 from cogless.run.simulate import RunError, rollout
 from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
@@ -39,12 +40,14 @@ Report = Callable[[float], None]
 class Outcome:
     """A run's answer. `ripple`: rms, rad/s. `why`: why the speed is not held; "" if it is.
 
-    `uneven`: the rotor turns in jerks, with the right mean, whether or not that counts as held.
+    `uneven`: the rotor turns in jerks, with the right mean, whether or not that counts as held. `error`: a
+    share of the speed, how far a speed is from being held.
     """
 
     ripple: float
     why: str
     uneven: bool = False
+    error: float = math.inf
 
     @property
     def holds(self) -> bool:
@@ -54,14 +57,15 @@ class Outcome:
 Outcomes = Mapping[str, Outcome]  # A scenario's name is the key.
 
 
-def shortfall(study: Study, answers: Outcomes) -> tuple[int, float]:
-    """The number of speeds that are not held, and the largest ripple / speed of the rest: less is better."""
+def shortfall(study: Study, answers: Outcomes) -> Shortfall:
+    """What runs at all these speeds lack: less is better."""
     ratios = [
         answer.ripple / study.scenario[scenario].top_reference
         for scenario, answer in answers.items()
         if answer.holds
     ]
-    return len(answers) - len(ratios), max(ratios, default=math.inf)
+    errors = [answer.error for answer in answers.values() if not answer.holds]
+    return Shortfall(len(errors), max(ratios, default=math.inf), max(errors, default=0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,15 +255,16 @@ def outcome(study: Study, run: Run | None) -> Outcome:
     ripple = float(np.asarray(run.metrics["speed_ripple_rad_s"]))
     late = run.trace.window(float(run.trace.time[-1]) - (study.metric[0].last or 0.0), math.inf)
     ratio = unevenness(run.trace.part("omega_ref", late), run.trace.part("omega_m", late))
-    return Outcome(ripple=ripple, why=_why(study, run, late), uneven=ratio is not None)
+    speed = speed_miss(run, late)
+    why, error = _why(study, run, late, speed), math.inf if speed is None else speed.error
+    return Outcome(ripple=ripple, why=why, uneven=ratio is not None, error=error)
 
 
-def _why(study: Study, run: Run, late: slice) -> str:
+def _why(study: Study, run: Run, late: slice, speed: Miss | None) -> str:
     status = np.nan_to_num(run.trace.part("status", late)).astype(int)
     if np.any(status & int(SAFE_OUTPUT)):
         causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
         return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
-    speed = miss(run.trace.part("omega_ref", late), run.trace.part("omega_m", late))
     if speed is not None and speed.kind == "mean":
         return f"the mean speed is {100 * speed.value / speed.target:.3g} % of the reference"
     if speed is not None:
