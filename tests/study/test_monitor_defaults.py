@@ -102,7 +102,7 @@ def test_what_a_study_gives_counts() -> None:
         ("monitor.omega_max", "-1 rpm", "expected an angular speed of zero or more"),
         ("monitor.hold", "1 A", "expected"),
         ("monitor.bridge", "1e9 s", "expected 25000 s or less"),
-        ("quality.outlier", 0.5, "expected 1 or more (times the rms error), or 0 to learn from every error"),
+        ("quality.outlier", 0.5, "expected a factor of 1 or more, or 0 to learn from every error"),
         ("quality.longest", "1 us", "expected 0.0002 s to"),
         ("monitor.omega_maks", "1 rpm", 'perhaps "omega_max"'),
     ],

@@ -101,9 +101,7 @@ class Quality(Table):
     @model_validator(mode="after")
     def _outlier(self) -> Self:
         if 0 < self.outlier < 1:
-            raise invalid(
-                "expected 1 or more (times the rms error), or 0 to learn from every error", "outlier"
-            )
+            raise invalid("expected a factor of 1 or more, or 0 to learn from every error", "outlier")
         return self
 
 

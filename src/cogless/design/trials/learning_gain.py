@@ -32,6 +32,7 @@ from cogless.design.trials.state_feedback import (
     joined,
     minimise,
 )
+from cogless.units import TURN
 
 MIXTURE_COUNT = 100  # random mixtures of vertices that the polytope must contain
 FREQUENCIES_LEAST, FREQUENCIES_MOST = 1024, 8192  # `cost` uses a number of frequencies between these
@@ -197,7 +198,7 @@ def _impossible(G: Complex, w: Real, nominal: Loop) -> str:
     else:
         reason = "because the feedback lags too much there"
     lowest = G.real.min(axis=0)
-    at_first = float(w[lowest <= 0].min(initial=np.pi)) / (2 * np.pi)
+    at_first = float(w[lowest <= 0].min(initial=np.pi)) / TURN
     return (
         f"q_filter: no K_3 makes the error fall at every frequency: above {at_first:.3g} times the sampling "
         f"rate it grows with any gain, {reason}; expected a zero-phase low-pass filter on the learned signal"
