@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "angle_functions.hpp"
 #include "wide.hpp"
@@ -37,7 +38,15 @@ public:
         return {{sum[0], sum[1]}, {sum[2], sum[3]}, sum[4], sum[5]};
     }
 
-    [[gnu::always_inline]] std::array<AtAngle<double>, 2> both(double a, double b) { return {(*this)(a), (*this)(b)}; }
+    // What depends on the angle, computed where it is converted.
+    struct Later {
+        AnglePatch& patch;
+        double theta_m;
+
+        [[gnu::always_inline]] operator AtAngle<double>() const { return patch(theta_m); }
+    };
+    // At each of two angles. The second waits for the end of the step, so that it needs none of the registers before.
+    [[gnu::always_inline]] std::pair<AtAngle<double>, Later> both(double a, double b) { return {(*this)(a), {*this, b}}; }
 
     // A patch's functions for a brief step (equations.hpp).
     struct Brief {
@@ -45,7 +54,7 @@ public:
         AnglePatch& patch;
 
         [[gnu::always_inline]] AtAngle<double> operator()(double theta_m) { return patch(theta_m); }
-        [[gnu::always_inline]] std::array<AtAngle<double>, 2> both(double a, double b) { return patch.both(a, b); }
+        [[gnu::always_inline]] auto both(double a, double b) { return patch.both(a, b); }
     };
 
 private:

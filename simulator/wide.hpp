@@ -62,7 +62,7 @@ struct alignas(8 * width) Wide {
 
     Wide() = default;
     [[gnu::always_inline]] Wide(double all) {
-        for (std::size_t r = 0; r < registers; ++r) part[r] = Register{} + all;
+        for (std::size_t r = 0; r < registers; ++r) part[r] = all - Register{};
     }
 
     [[gnu::always_inline]] double operator[](std::size_t lane) const { return part[lane / width][lane % width]; }
