@@ -2,6 +2,7 @@
 // the inverter: without them each would compute a sine, a cosine and their powers.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -21,7 +22,7 @@ public:
 
     // Develops the polynomials about the angle `ahead` (rad) beyond theta_m, or about a closer one, so that theta_m stays in reach.
     [[gnu::noinline]] void move_to(double theta_m, double ahead) {
-        centre_ = theta_m + std::copysign(std::fmin(std::abs(ahead), 0.9 * reach_), ahead);
+        centre_ = theta_m + std::copysign(std::min(0.9 * reach_, std::abs(ahead)), ahead);
         of_.taylor_at(centre_, [this](std::size_t k, const std::array<double, 5>& terms) __attribute__((always_inline)) {
             for (std::size_t n = 0; n < terms.size(); ++n) c_[n].set(k, terms[n]);
         });
