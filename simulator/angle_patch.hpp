@@ -39,14 +39,14 @@ public:
         return {{sum[0], sum[1]}, {sum[2], sum[3]}, sum[4], sum[5]};
     }
 
-    // What depends on the angle, computed where it is converted.
+    // What depends on an angle, computed when it is converted.
     struct Later {
         AnglePatch& patch;
         double theta_m;
 
         [[gnu::always_inline]] operator AtAngle<double>() const { return patch(theta_m); }
     };
-    // At each of two angles. The second waits for the end of the step, so that it needs none of the registers before.
+    // What depends on each of two angles. A step uses the second one last; computed there, it needs no registers until then.
     [[gnu::always_inline]] std::pair<AtAngle<double>, Later> both(double a, double b) { return {(*this)(a), {*this, b}}; }
 
     // A patch's functions for a brief step (equations.hpp).
