@@ -35,7 +35,8 @@ public:
             move_to(theta_m, x);
             x = theta_m - centre_;
         }
-        const Six sum = (c_[0] + c_[1] * x) + (c_[2] + (c_[3] + c_[4] * x) * x) * (x * x);
+        const Six all = six_of(x), square = six_of(x * x);
+        const Six sum = (c_[0] + c_[1] * all) + (c_[2] + (c_[3] + c_[4] * all) * all) * square;
         return {{sum[0], sum[1]}, {sum[2], sum[3]}, sum[4], sum[5]};
     }
 
@@ -60,6 +61,12 @@ public:
 
 private:
     using Six = Wide<2, 3>;  // the six numbers of AtAngle
+    // Six times x. A difference from zero costs nothing, while Wide's sum with zero is computed, since it changes the sign of -0.0.
+    [[gnu::always_inline]] static Six six_of(double x) {
+        Six all;
+        for (Six::Register& part : all.part) part = x - Six::Register{};
+        return all;
+    }
     // Largest x = order times distance from the centre, rad. The remainder of a sinusoid of that order is at most x^5 / 5!: less
     // than 1e-7 of the amplitude.
     static constexpr double furthest = 0.1;

@@ -62,8 +62,7 @@ struct alignas(8 * width) Wide {
 
     Wide() = default;
     [[gnu::always_inline]] Wide(double all) {
-        // a difference from zero costs nothing; a sum with zero is computed, since it changes the sign of -0.0
-        for (std::size_t r = 0; r < registers; ++r) part[r] = all - Register{};
+        for (std::size_t r = 0; r < registers; ++r) part[r] = Register{} + all;
     }
 
     [[gnu::always_inline]] double operator[](std::size_t lane) const { return part[lane / width][lane % width]; }
