@@ -857,6 +857,7 @@ void Drive::advance_pulses(DriveState& s, AtAngle<double>& here, AnglePatch& pat
                            const BeforeStep& before_step) const {
     const double start = time(s.tick - origin);
     const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
+        before_step(u, from, h, [](PlantState<>&, const AtAngle<double>&) {});
         phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
         watch(s, start + from, h, s.plant.theta_m, faults);
     };
@@ -868,15 +869,12 @@ void Drive::advance_pulses(DriveState& s, AtAngle<double>& here, AnglePatch& pat
     double from = 0.0;
     for (std::size_t n = 0; n < p.count; ++n) {
         const double length = p.stretch[n].until - from;
-        const int steps = length <= step_ ? 1 : static_cast<int>(std::ceil(length / step_ - 1e-9));
-        const double h = steps == 1 ? length : length / steps;
-        for (int k = 0; k < steps; ++k) {
-            before_step(p.stretch[n].u, from + k * h, h, [](PlantState<>&, const AtAngle<double>&) {});
-            if (h <= brief_share * step_) {
-                step(p.stretch[n].u, from + k * h, h, brief);
-            } else {
-                step(p.stretch[n].u, from + k * h, h, patch);
-            }
+        if (length <= brief_share * step_) {
+            step(p.stretch[n].u, from, length, brief);
+        } else {
+            const int steps = length <= step_ ? 1 : static_cast<int>(std::ceil(length / step_ - 1e-9));
+            const double h = length / steps;
+            for (int k = 0; k < steps; ++k) step(p.stretch[n].u, from + k * h, h, patch);
         }
         from = p.stretch[n].until;
     }
