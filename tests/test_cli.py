@@ -90,7 +90,8 @@ def test_a_scenario_without_a_metric_has_no_empty_table(
     only = ("--only", "low/*", "--set", "metric.0.scenarios=['step']", "--set", "metric.1.scenarios=['step']")
     code, out, _ = cogless(capsys, "run", studies.write(tmp_path), *only, "-o", tmp_path / "out")
     assert code == 0
-    assert [line.strip() for line in out.splitlines() if line][:-1] == ["low", "No metric."]
+    assert [line.strip() for line in out.splitlines() if line][:2] == ["low", "No metric."]
+    assert out.count("\n\n") == 1 and "Report: " in out
 
 
 @pytest.mark.parametrize("text", [studies.BASE, trial_studies.LINEAR])

@@ -79,8 +79,7 @@ def _limits(
     if best is None or not (long or is_quick(results.study, scenario, best.run.controller)):
         return None
     run, metric = best.run, best.metric
-    in_jerks = run.controller in best.line.missed
-    limited = limits(results.study, run, metric, best.line.order, jobs, traces, in_jerks)
+    limited = limits(results.study, run, metric, best.line.order, jobs, traces)
     if limited is None:
         return None
     others = [*_elsewhere(results, run, by_scenario, long)]

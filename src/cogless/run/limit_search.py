@@ -68,15 +68,16 @@ def limits(
     order: float | None = None,
     jobs: int | None = None,
     traces: Path | None = None,
-    in_jerks: bool = False,
 ) -> Limits | None:
     """What limits a finished run, judged by a metric that is better when lower.
 
     `order`: the order by which the run is judged, if the metric has several orders. `jobs`: number of runs at
-    a time, default one per core. `traces`: a folder for traces that are too long for memory. `in_jerks`: the
-    run's rotor turns in jerks, so a change helps without making the speed even. Returns None if the run has
-    no value of this metric, or if the value is negligible. KeyboardInterrupt: the user pressed Ctrl-C.
+    a time, default one per core. `traces`: a folder for traces that are too long for memory. If the run's
+    rotor turns in jerks, a change helps without making the speed even. Returns None if the run has no value
+    of this metric, or if the value is negligible. KeyboardInterrupt: the user pressed Ctrl-C.
     """
+    speed = missed_in(Results(study, [run]), metric, run)
+    in_jerks = speed is not None and speed.kind == "error"
     tries = _Tries(study, run, metric, order, jobs, traces, in_jerks)
     value = tries.value_of(run.metrics)
     if value is None or value <= _negligible(study, run.scenario, metric):
