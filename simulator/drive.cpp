@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 #include <stdexcept>
 #include <string>
 
 #include "angle_patch.hpp"
 #include "cogless/angle.h"
+#include "cogless/drive_parts.h"
 #include "cogless/transform.h"
 #include "open_bridge.hpp"
 
@@ -523,15 +525,60 @@ void Drive::advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, st
         lane.recorder->reserve(lane.state->tick, ticks);
     }
     const std::int64_t end = lanes.front().state->tick + ticks;
-    first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, *kernel.make(of, detail, legs), end); });
+    first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, kernel, *kernel.make(of, detail, legs), end); });
 }
 
-// As run(), but the steps of the plants are taken together. A plant whose rotor stops or breaks away takes its step alone, and
-// so does one with an open bridge.
+bool Drive::joins(const Drive& other) const {
+    const auto fits = [](const DriveConfig& c) {
+        return !c.ideal_current && !c.bus && !c.current_reference && !c.dead_time && c.inverter.pwm != Pwm::edge;
+    };
+    return fits(config_) && fits(other.config_) && config_.control.foc.decoupling == other.config_.control.foc.decoupling;
+}
+
+void Drive::join(LaneLoops& loops, std::size_t lane, DriveState& s) const {
+    const cgl_foc& foc = s.control.foc;
+    loops.two_phases = foc.config.phases == 2U;
+    loops.decoupling = foc.config.decoupling;
+    loops.kp_d[lane] = foc.config.kp_d;
+    loops.kp_q[lane] = foc.config.kp_q;
+    loops.rise_d[lane] = foc.rise_d;
+    loops.rise_q[lane] = foc.rise_q;
+    loops.L_d[lane] = foc.config.L_d;
+    loops.L_q[lane] = foc.config.L_q;
+    loops.psi_f[lane] = foc.config.psi_f;
+    loops.current_limit[lane] = foc.config.current_limit;
+    loops.ahead[lane] = foc.ahead;
+    loops.delayed[lane] = config_.inverter.computation_delay ? CGL_R(1.0) : CGL_R(0.0);
+    loops.least_duty[lane] = least_duty_;
+    static_assert(offsetof(cgl_foc_input, i_q_ref) == 7 * sizeof(cgl_real) && offsetof(cgl_foc_output, i_q_ref) == 8 * sizeof(cgl_real));
+    loops.in[lane] = s.control.currents.i_abc;
+    loops.out[lane] = s.output.duty;
+    put(loops, lane, s);
+}
+
+void Drive::put(LaneLoops& loops, std::size_t lane, const DriveState& s) {
+    loops.integral_d[lane] = s.control.foc.integral_d;
+    loops.integral_q[lane] = s.control.foc.integral_q;
+    loops.lost_d[lane] = s.control.foc.lost_d;
+    loops.lost_q[lane] = s.control.foc.lost_q;
+    for (std::size_t k = 0; k < s.duty.size(); ++k) loops.computed[k][lane] = static_cast<cgl_real>(s.duty[k]);
+}
+
+void Drive::get(LaneLoops& loops, std::size_t lane, DriveState& s) {
+    s.control.foc.integral_d = loops.integral_d[lane];
+    s.control.foc.integral_q = loops.integral_q[lane];
+    s.control.foc.lost_d = loops.lost_d[lane];
+    s.control.foc.lost_q = loops.lost_q[lane];
+    for (std::size_t k = 0; k < s.duty.size(); ++k) s.duty[k] = static_cast<double>(loops.computed[k][lane]);
+}
+
+// As run(), but the steps of the plants are taken together, and so are those of the current loops. A plant whose rotor stops or breaks
+// away takes its step alone, and so does one with an open bridge, and a current loop that is at a limit.
 template <std::size_t legs, Detail detail>
-void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end) {
+void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePlants& plants, std::int64_t end) {
     struct Running {
         std::size_t n;  // its lane
+        bool joins;     // its current loop is in `loops`
         Lane* lane;
         const Drive* drive;
         const Phase* phase;
@@ -545,20 +592,38 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     const double h = first.step_;
     const LanePlants::View view = plants.view();
     AtAngle<double> here;
+    LaneLoops loops;
+    cgl_foc_input nothing{};
+    cgl_foc_output unused;
+    for (std::size_t n = 0; n < LaneLoops::most; ++n) {
+        loops.in[n] = nothing.i_abc;
+        loops.out[n] = unused.duty;
+    }
+    for (std::size_t k = 0; k < view.duty.size(); ++k) loops.duty[k] = view.duty[k];
     std::vector<Running> all;
     for (std::size_t n = 0; n < lanes.size(); ++n) {
         const auto& [drive, s, recorder, error] = lanes[n];
         const Phase& phase = drive->phases_.front();
-        all.push_back({n, &lanes[n], drive, &phase, s, {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
+        const bool joins = drive->joins(first);
+        if (joins) {
+            drive->join(loops, n, *s);
+            plants.put(n, drive->current_sensors_, s->random);
+        }
+        all.push_back({n, joins, &lanes[n], drive, &phase, s, {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
                        drive->faults_at(s->tick)});
         plants.put(n, s->plant, Plant::Exact<detail>(phase.plant)(s->plant.theta_m));
         view.dead_share[n] = drive->dead_share_;
         view.device_drop[n] = drive->config_.inverter.device_drop;
         for (std::size_t k = 0; k < s->applied.size(); ++k) view.last[k][n] = s->applied[k];
     }
+    const auto leave = [&](const Running& r) {
+        get(loops, r.n, *r.state);
+        plants.get(r.n, r.state->random);
+    };
     const Pwm pwm = first.config_.inverter.pwm;
     for (std::int64_t tick = lanes.front().state->tick; tick < end; ++tick) {
         if constexpr (legs != 0) plants.measure();
+        std::uint32_t stepped = 0;  // lanes whose current loops step together
         for (Running& r : all) {
             const std::size_t n = r.n;
             const Drive& drive = *r.drive;
@@ -571,20 +636,50 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             if constexpr (legs != 0) r.current = {view.current[0][n], view.current[1][n], view.current[2][n]};
             if (tick >= r.faults.until) r.faults = drive.faults_at(tick);
             try {
-                drive.control<legs>(s, phase, 0, r.law.next(), r.current, r.faults, nullptr);
+                if (r.joins) {
+                    const Phases measured{view.measured[0][n], view.measured[1][n], view.measured[2][n]};
+                    drive.control<legs, false>(s, phase, 0, r.law.next(), measured, r.faults, nullptr);
+                } else {
+                    drive.control<legs>(s, phase, 0, r.law.next(), r.current, r.faults, nullptr);
+                }
             } catch (const std::runtime_error& error) {
                 plants.get(n, s.plant, here);
+                if (r.joins) leave(r);
+                loops.out[n] = unused.duty;
                 r.lane->error = error.what();
                 continue;
+            }
+            if (r.joins && cgl_drive_controls(&s.control) && !s.open) {
+                s.control.currents.i_q_ref = s.control.command.i_q_ref;
+                stepped |= 1U << n;
+            }
+        }
+        std::erase_if(all, [](const Running& r) { return !r.lane->error.empty(); });
+        if (stepped != 0U) stepped = kernel.step_loops(loops, stepped);
+        for (Running& r : all) {
+            const std::size_t n = r.n;
+            const Drive& drive = *r.drive;
+            const Phase& phase = *r.phase;
+            DriveState& s = *r.state;
+            const bool alone = (stepped >> n & 1U) == 0U;
+            if (!alone) {
+                s.output.status = 0U;
+                cgl_drive_conclude(&s.control, &s.output, cgl_drive_status(&s.control));
+            } else if (r.joins) {
+                get(loops, n, s);
+                drive.actuate(s);
             }
             if constexpr (legs == 0) view.i_q[n] = s.plant.i.q;
             if (r.row.next()) {
                 plants.get(n, s.plant, here);
                 drive.record<legs>(s, here, phase, 0, r.current, r.lane->recorder->next_row());
             }
-            if constexpr (legs != 0) {
+            if constexpr (legs != 0) view.bus_voltage[n] = r.faults.bus_voltage;
+            if (!alone) {
+                r.acting.open = false;
+            } else if constexpr (legs != 0) {
                 drive.next_duties(s, r.acting);
-                view.bus_voltage[n] = r.faults.bus_voltage;
+                if (r.joins) put(loops, n, s);
                 for (std::size_t k = 0; k < s.applied.size(); ++k) {
                     view.duty[k][n] = r.acting.duty[k];
                     if (pwm == Pwm::edge) view.last[k][n] = s.applied[k];
@@ -593,7 +688,6 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 if (r.acting.open) plants.get(n, s.plant, here);
             }
         }
-        std::erase_if(all, [](const Running& r) { return !r.lane->error.empty(); });
         if constexpr (legs != 0) plants.apply(carrier(pwm, tick));
         for (int k = 0; k < first.config_.integration_steps; ++k) {
             const std::uint32_t stay = plants.step(h);
@@ -623,7 +717,10 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             ++s.tick;
         }
     }
-    for (const Running& r : all) plants.get(r.n, r.state->plant, here);
+    for (const Running& r : all) {
+        plants.get(r.n, r.state->plant, here);
+        if (r.joins) leave(r);
+    }
 }
 
 [[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
@@ -637,7 +734,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
 }
 
 // Samples the sensors and runs the controller.
-template <std::size_t legs>
+template <std::size_t legs, bool alone>
 void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
                     const Faults& faults, Controller* other) const {
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
@@ -656,7 +753,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     }
     Phases i{};
     if constexpr (legs != 0) {
-        i = faults.spoilt(current_sensors_.measure(current, s.random), config_.current_sensors.sensors,
+        i = faults.spoilt(alone ? current_sensors_.measure(current, s.random) : current, config_.current_sensors.sensors,
                           legs == star_legs);
     }
     if (law_due) sample_reference(s, phase, origin);
@@ -691,7 +788,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     } else {
         if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
         if (steps_currents_) step_current<legs>(s);
-        actuate(s);
+        if constexpr (alone) actuate(s);
     }
     if constexpr (legs == 0) {
         const cgl_real limit = config_.control.foc.current_limit;

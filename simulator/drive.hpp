@@ -233,7 +233,13 @@ private:
     // Sets the motor's resistance and flux to those at the present temperatures.
     static void warm_up(const DriveState& state, Phase& phase);
     template <std::size_t legs, Detail detail>
-    static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
+    static void run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePlants& plants, std::int64_t end);
+    // Whether the current loop can be a lane of one LaneLoops with the other's.
+    bool joins(const Drive& other) const;
+    // The settings and the state of the drive's current loop in a LaneLoops.
+    void join(LaneLoops& loops, std::size_t lane, DriveState& state) const;
+    static void put(LaneLoops& loops, std::size_t lane, const DriveState& state);
+    static void get(LaneLoops& loops, std::size_t lane, DriveState& state);
 
     // Sets the load's torque and the target that it approaches, N m, where a step of the load is due.
     static void step_load(DriveState& state, const Phase& phase, std::int64_t origin, double& torque, double& target);
@@ -256,7 +262,8 @@ private:
     Voltage<> averaged(DriveState& state, const Phases& duty, const Phases& current, const Faults& faults) const;
     // Keeps the duty cycles of this period for the next one.
     void remember(DriveState& state, const Phases& applied) const;
-    template <std::size_t legs>
+    // alone: false in a lane. `current` is then what the sensors show, and actuate() must follow.
+    template <std::size_t legs, bool alone = true>
     void control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
                  const Faults& faults, Controller* other) const;
     void sample_reference(DriveState& state, const Phase& phase, std::int64_t origin) const;

@@ -1,5 +1,7 @@
 #include "drive.h"
 
+#include "drive_parts.h"
+
 #define POLE_PAIRS_MAX 10000U /* with more, the electrical angle could reach CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
 #define FULL_SHARE CGL_R(0.95) /* a current of at least this share of its limit counts as full */
@@ -269,7 +271,7 @@ void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
         out->status = (unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_FROZEN | (unsigned)CGL_STATUS_OFF;
         return;
     }
-    const unsigned status = drive->status | drive->command.status | drive->held;
+    const unsigned status = cgl_drive_status(drive);
     if (drive->monitor.safe) {
         drive->command.i_q_ref = CGL_R(0.0);
         cgl_foc_reset(&drive->foc);
@@ -286,9 +288,5 @@ void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
     }
     drive->currents.i_q_ref = drive->command.i_q_ref;
     cgl_foc_step(&drive->foc, &drive->currents, out);
-    drive->i_q = out->i_q;
-    if (out->status != 0U) { /* the current loop has fallen short of its reference */
-        drive->saturated = true;
-    }
-    out->status |= status;
+    cgl_drive_conclude(drive, out, status);
 }

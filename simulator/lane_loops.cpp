@@ -1,0 +1,175 @@
+// Compiled once for each set of instructions and each number type of the laws, with COGLESS_LANES as the instructions' type (wide.hpp),
+// and the instructions enabled. It may define nothing else that runs elsewhere; see lane_step.hpp.
+#include "lane_loops.hpp"
+
+#include <cstring>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "cogless/status.h"
+
+// Here are several numbers the cgl_real of the control library, with the words of its choice.h.
+#define COGLESS_CHOICE_H
+
+namespace cogless {
+
+namespace {
+
+using Number = ::cgl_real;
+using Lanes = COGLESS_LANES;
+constexpr std::size_t doubles = sizeof(Lanes::Register) / sizeof(double), fitting = sizeof(Lanes::Register) / sizeof(Number);
+// As many lanes as a register has, and the same lanes as doubles.
+using Real = Wide<(fitting < Lanes::lanes ? fitting : Lanes::lanes), 1, Number>;
+using Double = Wide<doubles, Real::lanes / doubles>;
+
+using cgl_real = Real;
+using cgl_truth = Real::Mask;
+struct cgl_whole {
+    Real::Bits bits;
+    [[gnu::always_inline]] friend cgl_whole operator+(const cgl_whole& n, unsigned more) {
+        return {n.bits + static_cast<Real::Integer>(more)};
+    }
+};
+
+#define CGL_CHOICE(condition, yes, no) select(condition, yes, no)
+
+// n is a whole number with |n| < 2^22. In the sum, its last digit is the sum's last digit.
+[[gnu::always_inline]] inline cgl_whole cgl_whole_of(const Real& n) {
+    return {reinterpret_cast<Real::Bits>((n + Number(sizeof(Number) == 8 ? 0x1.8p52 : 0x1.8p23)).part[0])};
+}
+
+[[gnu::always_inline]] inline cgl_truth cgl_has_bit(const cgl_whole& n, unsigned bit) {
+    return {(n.bits & static_cast<Real::Integer>(bit)) != 0};
+}
+
+[[gnu::always_inline]] inline Real cgl_abs(const Real& x) {
+    Real size;
+    size.part[0] = reinterpret_cast<Real::Register>(reinterpret_cast<Real::Bits>(x.part[0]) & std::numeric_limits<Real::Integer>::max());
+    return size;
+}
+
+[[gnu::always_inline]] inline cgl_truth cgl_is_within(const Real& x, const Real& limit) { return cgl_abs(x) <= limit; }
+[[gnu::always_inline]] inline cgl_truth cgl_is_angle(const Real& x) { return cgl_abs(x) < CGL_ANGLE_MAX; }
+
+[[gnu::always_inline]] inline Real cgl_clamp(const Real& x, const Real& limit) {
+    const Real zero = Number(0);
+    return select(cgl_is_within(x, limit), x, select(x > zero, limit, select(x < zero, -limit, zero)));
+}
+
+[[gnu::always_inline]] inline Real cgl_add(const Real& sum, const Real& x, const Real& limit, Real* lost) {
+    const Real term = x + *lost, result = sum + term;
+    *lost = select(cgl_is_within(result, limit), term - (result - sum), Number(0));
+    return cgl_clamp(result, limit);
+}
+
+#include "cogless/duties.h"
+#include "cogless/foc.h"
+#include "cogless/foc_parts.h"
+#include "cogless/phasor.h"
+#include "cogless/transform.h"
+
+template <class Wide>
+[[gnu::always_inline]] inline Wide& at(auto& numbers, std::size_t lane) {
+    return *reinterpret_cast<Wide*>(&numbers[lane]);
+}
+
+// A number of each lane's array.
+template <std::size_t... lane>
+[[gnu::always_inline]] inline Real gathered(const Number* const* of, std::size_t n, std::index_sequence<lane...>) {
+    Real all;
+    all.part[0] = Real::Register{of[lane][n]...};
+    return all;
+}
+
+template <std::size_t... lane>
+[[gnu::always_inline]] inline void scatter(const Real& all, Number* const* to, std::size_t n, std::index_sequence<lane...>) {
+    ((to[lane][n] = all.part[0][lane]), ...);
+}
+
+// The lanes whose bits are set.
+template <std::size_t... lane>
+[[gnu::always_inline]] inline cgl_truth bits_of(std::uint32_t set, std::index_sequence<lane...>) {
+    return {((Real::Bits{} + static_cast<Real::Integer>(set)) & Real::Bits{(1 << lane)...}) != 0};
+}
+
+[[gnu::always_inline]] inline Double as_doubles(const Real& x) {
+    typedef Number Part __attribute__((vector_size(sizeof(Number) * doubles)));
+    Part part[Real::lanes / doubles];
+    std::memcpy(part, &x, sizeof x);
+    Double all;
+    for (std::size_t r = 0; r < std::size(part); ++r) all.part[r] = __builtin_convertvector(part[r], Double::Register);
+    return all;
+}
+
+// Steps the lanes from `first` on that a register has; lane n of them is bit n.
+[[gnu::always_inline]] inline std::uint32_t step(LaneLoops& l, std::size_t first, std::uint32_t wanted) {
+    constexpr auto lanes = std::make_index_sequence<Real::lanes>();
+    constexpr std::uint32_t all = (1U << Real::lanes) - 1U;
+    cgl_foc foc;
+    foc.config.kp_d = at<Real>(l.kp_d, first);
+    foc.config.kp_q = at<Real>(l.kp_q, first);
+    foc.config.L_d = at<Real>(l.L_d, first);
+    foc.config.L_q = at<Real>(l.L_q, first);
+    foc.config.psi_f = at<Real>(l.psi_f, first);
+    foc.config.decoupling = l.decoupling;
+    foc.rise_d = at<Real>(l.rise_d, first);
+    foc.rise_q = at<Real>(l.rise_q, first);
+    foc.integral_d = at<Real>(l.integral_d, first);
+    foc.integral_q = at<Real>(l.integral_q, first);
+    foc.lost_d = at<Real>(l.lost_d, first);
+    foc.lost_q = at<Real>(l.lost_q, first);
+    const Number* const* from = &l.in[first];
+    const auto input = [&](std::size_t n) __attribute__((always_inline)) { return gathered(from, n, lanes); };
+    const cgl_foc_input in = {{input(0), input(1), input(2)}, input(3), input(4), input(5), input(6), input(7)};
+
+    const Real ahead = at<Real>(l.ahead, first) * in.omega_e;
+    cgl_phasor rotor, turn;
+    cgl_sincos_of_angle(in.theta_e, &rotor.sine, &rotor.cosine);
+    cgl_sincos_of_small(ahead, &turn.sine, &turn.cosine);
+    const cgl_vector i = cgl_foc_currents(&in, l.two_phases, rotor), ref = {in.i_d_ref, in.i_q_ref};
+    const cgl_vector error = {ref.d - i.d, ref.q - i.q};
+    const cgl_vector u = cgl_foc_voltage(&foc, in.omega_e, i, error);
+    const Real per_bus = Real(Number(1)) / in.u_dc, longest = cgl_foc_longest(l.two_phases);
+    const cgl_vector part = {u.d * per_bus, u.q * per_bus};
+    const cgl_truth free = cgl_is_angle(in.theta_e) & cgl_is_angle(in.theta_e + ahead) & (in.u_dc >= CGL_BUS_MIN) &
+                           cgl_is_within(in.u_dc, CGL_REAL_MAX) & cgl_is_within(ahead, CGL_QUARTER) &
+                           cgl_is_shorter(ref, at<Real>(l.current_limit, first)) & cgl_is_shorter(part, longest);
+    cgl_foc_integrate(&foc, error, in.u_dc * longest);
+    Real duty[3];
+    cgl_foc_duties(part, l.two_phases, cgl_product(rotor, turn), duty);
+
+    const cgl_truth asked = bits_of(wanted, lanes), takes = asked & free;
+    const auto take = [&](LaneLoops::Each<Number>& numbers, const Real& next) __attribute__((always_inline)) {
+        Real& last = at<Real>(numbers, first);
+        const Real before = last;
+        last = select(takes, next, before);
+        return before;
+    };
+    take(l.integral_d, foc.integral_d);
+    take(l.integral_q, foc.integral_q);
+    take(l.lost_d, foc.lost_d);
+    take(l.lost_q, foc.lost_q);
+    const Double least = at<Double>(l.least_duty, first);
+    const cgl_truth late = at<Real>(l.delayed, first) > Real(Number(0));
+    for (std::size_t n = 0; n < 3; ++n) {
+        const Real before = take(l.computed[n], duty[n]);
+        const Double acts = as_doubles(select(late, before, duty[n]));
+        *reinterpret_cast<Double*>(l.duty[n] + first) =
+            select(acts < least, Double(0.0), select(acts > 1.0 - least, Double(1.0), acts));
+    }
+    const Real output[] = {duty[0], duty[1], duty[2], i.d, i.q, u.d, u.q, ref.d, ref.q};
+    for (std::size_t n = 0; n < std::size(output); ++n) scatter(output[n], &l.out[first], n, lanes);
+    return (asked & !free).any() ? takes.packed() : wanted & all;
+}
+
+}  // namespace
+
+template <>
+std::uint32_t step_loops<Lanes>(LaneLoops& loops, std::uint32_t lanes) {
+    std::uint32_t stepped = 0;
+    for (std::size_t first = 0; first < Lanes::lanes; first += Real::lanes) stepped |= step(loops, first, lanes >> first) << first;
+    return stepped;
+}
+
+}  // namespace cogless
