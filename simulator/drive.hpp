@@ -234,12 +234,20 @@ private:
     static void warm_up(const DriveState& state, Phase& phase);
     template <std::size_t legs, Detail detail>
     static void run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePlants& plants, std::int64_t end);
-    // Whether the current loop can be a lane of one LaneLoops with the other's.
+    struct Running;
+    // Whether the drive can be a lane of one LaneLoops with the other.
     bool joins(const Drive& other) const;
-    // The settings and the state of the drive's current loop in a LaneLoops.
+    // Whether the drive can have quiet periods: see step_quietly().
+    bool rests() const;
+    // The drive's settings and state in a LaneLoops.
     void join(LaneLoops& loops, std::size_t lane, DriveState& state) const;
     static void put(LaneLoops& loops, std::size_t lane, const DriveState& state);
-    static void get(LaneLoops& loops, std::size_t lane, DriveState& state);
+    static void get(const LaneLoops& loops, std::size_t lane, DriveState& state);
+    // The output of the current loop's last step, which a LaneLoops has made.
+    static void take_output(const LaneLoops& loops, std::size_t lane, DriveState& state);
+    // Begins quiet periods if this tick allows it, and ends them.
+    static bool sleep(LaneLoops& loops, Running& lane);
+    static void wake(const LaneLoops& loops, Running& lane, std::int64_t tick);
 
     // Sets the load's torque and the target that it approaches, N m, where a step of the load is due.
     static void step_load(DriveState& state, const Phase& phase, std::int64_t origin, double& torque, double& target);

@@ -113,13 +113,18 @@ double draw_at_edge(std::uint64_t& state, std::size_t layer, double x) {
     return draw;
 }
 
+template <class Real>
+static LaneKernel kernel(const char* name) {
+    return {name, Real::lanes, &Plants<Real>::make, &step_loops<Real>, &step_quietly<Real>, &watch<Real>};
+}
+
 std::vector<LaneKernel> lane_kernels() {
     std::vector<LaneKernel> all;
 #if defined(COGLESS_X86_LANES)
-    if (__builtin_cpu_supports("avx512f")) all.push_back({"avx512", Avx512::lanes, &Plants<Avx512>::make, &step_loops<Avx512>});
-    if (__builtin_cpu_supports("avx2")) all.push_back({"avx2", Avx2::lanes, &Plants<Avx2>::make, &step_loops<Avx2>});
+    if (__builtin_cpu_supports("avx512f")) all.push_back(kernel<Avx512>("avx512"));
+    if (__builtin_cpu_supports("avx2")) all.push_back(kernel<Avx2>("avx2"));
 #endif
-    all.push_back({"128 bits", Sse2::lanes, &Plants<Sse2>::make, &step_loops<Sse2>});
+    all.push_back(kernel<Sse2>("128 bits"));
     return all;
 }
 

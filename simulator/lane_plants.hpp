@@ -51,6 +51,8 @@ struct LaneKernel {
     std::size_t lanes;
     std::unique_ptr<LanePlants> (*make)(const std::vector<const Plant*>& plants, Detail detail, std::size_t legs);
     std::uint32_t (*step_loops)(LaneLoops& loops, std::uint32_t lanes);
+    std::uint32_t (*step_quietly)(LaneLoops& loops, std::uint32_t lanes);
+    std::uint32_t (*watch)(LaneLoops& loops, const double* theta_m, std::uint32_t lanes);
 };
 
 // The kernels that this processor can run, the widest first.

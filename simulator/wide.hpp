@@ -9,6 +9,7 @@
 #include <cstring>
 #include <functional>
 #include <type_traits>
+#include <utility>
 
 namespace cogless {
 
@@ -61,8 +62,18 @@ struct alignas(sizeof(Number) * width) Wide {
         // lane n as bit n
         [[gnu::always_inline]] std::uint32_t packed() const {
             std::uint32_t all = 0;
-            for (std::size_t lane = 0; lane < lanes; ++lane) all |= std::uint32_t{(*this)[lane]} << lane;
+            for (std::size_t r = 0; r < registers; ++r) all |= packed(bits[r], std::make_index_sequence<width>()) << (r * width);
             return all;
+        }
+
+    private:
+        template <std::size_t... lane>
+        [[gnu::always_inline]] static std::uint32_t packed(const Bits& bits, std::index_sequence<lane...>) {
+            const Bits own = bits & Bits{(Integer{1} << lane)...};
+            std::uint64_t word[sizeof own / 8], all = 0;
+            std::memcpy(word, &own, sizeof own);
+            for (const std::uint64_t w : word) all |= w;
+            return static_cast<std::uint32_t>(all | all >> 32U);
         }
     };
 

@@ -1,8 +1,20 @@
-/* The parts of cgl_drive_actuate() around a step of the current loop. */
+/* Parts of a drive's step that a period without faults needs. */
 #ifndef COGLESS_DRIVE_PARTS_H
 #define COGLESS_DRIVE_PARTS_H
 
 #include "drive.h"
+
+/* Whether the law follows a speed that the drive does not know. */
+static inline bool cgl_drive_is_busy(const cgl_drive *drive)
+{
+    return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
+}
+
+/* The reference of the speed by which the monitor looks for a stuck angle [rad/s]. */
+static inline cgl_real cgl_drive_omega_ref(const cgl_drive *drive, const cgl_reference *reference)
+{
+    return cgl_drive_is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref;
+}
 
 /* Whether the drive's own current loop acts in this period. */
 static inline bool cgl_drive_controls(const cgl_drive *drive)
