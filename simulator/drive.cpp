@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <limits>
 #include <numbers>
 #include <stdexcept>
 #include <string>
@@ -11,6 +12,7 @@
 #include "angle_patch.hpp"
 #include "cogless/angle.h"
 #include "cogless/drive_parts.h"
+#include "cogless/sine.h"
 #include "cogless/transform.h"
 #include "open_bridge.hpp"
 
@@ -557,7 +559,6 @@ void Drive::join(LaneLoops& loops, std::size_t lane, DriveState& s) const {
     loops.L_q[lane] = foc.config.L_q;
     loops.psi_f[lane] = foc.config.psi_f;
     loops.current_limit[lane] = foc.config.current_limit;
-    loops.ahead[lane] = foc.ahead;
     loops.travel_square[lane] = monitor.limits.travel_square;
     loops.speed_square[lane] = monitor.limits.speed_square;
     loops.doubt_square[lane] = monitor.limits.doubt_square;
@@ -592,6 +593,19 @@ void Drive::get(const LaneLoops& loops, std::size_t lane, DriveState& s) {
     for (std::size_t k = 0; k < s.duty.size(); ++k) s.duty[k] = static_cast<double>(loops.computed[k][lane]);
 }
 
+void Drive::turn(LaneLoops& loops, std::size_t lane, const cgl_foc& foc, cgl_real theta_e, cgl_real omega_e) {
+    const cgl_real ahead = foc.ahead * omega_e;
+    cgl_phasor rotor{std::numeric_limits<cgl_real>::quiet_NaN(), CGL_R(0.0)}, acting = rotor;
+    if (cgl_is_angle(theta_e) && cgl_is_angle(theta_e + ahead)) {
+        cgl_sincos_of_angle(theta_e, &rotor.sine, &rotor.cosine);
+        acting = cgl_product(rotor, cgl_phasor_ahead(ahead));
+    }
+    loops.sine[lane] = rotor.sine;
+    loops.cosine[lane] = rotor.cosine;
+    loops.acting_sine[lane] = acting.sine;
+    loops.acting_cosine[lane] = acting.cosine;
+}
+
 void Drive::take_output(const LaneLoops& loops, std::size_t lane, DriveState& s) {
     const auto& all = loops.output;
     s.output = {{all[0][lane], all[1][lane], all[2][lane]}, all[3][lane], all[4][lane], all[5][lane], all[6][lane], all[7][lane],
@@ -614,6 +628,13 @@ struct Drive::Running {
     std::int64_t wakes = 0;  // tick at which its quiet periods end
 };
 
+void Drive::show_angle(LaneLoops& loops, const Running& r) {
+    const DriveState& s = *r.state;
+    const cgl_real pole_pairs = s.control.pole_pairs, last = loops.theta_m[r.n];
+    loops.theta_m[r.n] = static_cast<cgl_real>(r.drive->position_sensor_.angle(s.position));
+    if (loops.theta_m[r.n] != last) turn(loops, r.n, s.control.foc, pole_pairs * loops.theta_m[r.n], pole_pairs * loops.omega_m[r.n]);
+}
+
 bool Drive::sleep(LaneLoops& loops, Running& r) {
     DriveState& s = *r.state;
     if (!r.rests || r.acting.open || !s.control.monitor.trusted) return false;
@@ -622,8 +643,9 @@ bool Drive::sleep(LaneLoops& loops, Running& r) {
     if (s.next_load_step < steps.size()) r.wakes = std::min(r.wakes, steps[s.next_load_step].tick);
     if (r.wakes <= s.tick) return false;
     const std::size_t n = r.n;
-    loops.theta_m[n] = static_cast<cgl_real>(r.drive->position_sensor_.angle(s.position));
-    loops.omega_m[n] = s.sampled.omega_m;
+    loops.theta_m[n] = s.control.monitor.theta_m;  // in a period that is trusted, these are what the sensor shows
+    loops.omega_m[n] = s.control.monitor.omega_m;
+    show_angle(loops, r);
     loops.omega_ref[n] = cgl_drive_omega_ref(&s.control, &s.asked);
     loops.i_d_ref[n] = s.control.currents.i_d_ref;
     loops.i_q_ref[n] = s.control.command.i_q_ref;
@@ -747,6 +769,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
                 }
                 if (r.joins && cgl_drive_controls(&s.control) && !s.open) {
                     s.control.currents.i_q_ref = s.control.command.i_q_ref;
+                    turn(loops, n, s.control.foc, s.control.currents.theta_e, s.control.currents.omega_e);
                     stepped |= 1U << n;
                 }
             }
@@ -814,7 +837,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
                     if (!r.rests) continue;
                     loops.count[r.n] = static_cast<double>(s.position.count);
                     loops.theta_before[r.n] = s.position.theta_before;
-                    loops.theta_m[r.n] = static_cast<cgl_real>(r.drive->position_sensor_.angle(s.position));
+                    if (has(asleep, r)) show_angle(loops, r);
                 }
             }
         }

@@ -243,8 +243,12 @@ private:
     void join(LaneLoops& loops, std::size_t lane, DriveState& state) const;
     static void put(LaneLoops& loops, std::size_t lane, const DriveState& state);
     static void get(const LaneLoops& loops, std::size_t lane, DriveState& state);
+    // Sine and cosine of an electrical angle, rad, and of where the rotor is when the voltage acts; omega_e: rad/s.
+    static void turn(LaneLoops& loops, std::size_t lane, const cgl_foc& foc, cgl_real theta_e, cgl_real omega_e);
     // The output of the current loop's last step, which a LaneLoops has made.
     static void take_output(const LaneLoops& loops, std::size_t lane, DriveState& state);
+    // The angle that the position sensor of a lane in quiet periods shows.
+    static void show_angle(LaneLoops& loops, const Running& lane);
     // Begins quiet periods if this tick allows it, and ends them.
     static bool sleep(LaneLoops& loops, Running& lane);
     static void wake(const LaneLoops& loops, Running& lane, std::int64_t tick);

@@ -25,23 +25,7 @@ using Double = Wide<doubles, Real::lanes / doubles>;
 
 using cgl_real = Real;
 using cgl_truth = Real::Mask;
-struct cgl_whole {
-    Real::Bits bits;
-    [[gnu::always_inline]] friend cgl_whole operator+(const cgl_whole& n, unsigned more) {
-        return {n.bits + static_cast<Real::Integer>(more)};
-    }
-};
-
 #define CGL_CHOICE(condition, yes, no) select(condition, yes, no)
-
-// n is a whole number with |n| < 2^22. In the sum, its last digit is the sum's last digit.
-[[gnu::always_inline]] inline cgl_whole cgl_whole_of(const Real& n) {
-    return {reinterpret_cast<Real::Bits>((n + Number(sizeof(Number) == 8 ? 0x1.8p52 : 0x1.8p23)).part[0])};
-}
-
-[[gnu::always_inline]] inline cgl_truth cgl_has_bit(const cgl_whole& n, unsigned bit) {
-    return {(n.bits & static_cast<Real::Integer>(bit)) != 0};
-}
 
 [[gnu::always_inline]] inline Real cgl_abs(const Real& x) {
     Real size;
@@ -50,7 +34,6 @@ struct cgl_whole {
 }
 
 [[gnu::always_inline]] inline cgl_truth cgl_is_within(const Real& x, const Real& limit) { return cgl_abs(x) <= limit; }
-[[gnu::always_inline]] inline cgl_truth cgl_is_angle(const Real& x) { return cgl_abs(x) < CGL_ANGLE_MAX; }
 
 [[gnu::always_inline]] inline Real cgl_clamp(const Real& x, const Real& limit) {
     const Real zero = Number(0);
@@ -72,7 +55,6 @@ struct cgl_whole {
 #include "cogless/foc_parts.h"
 #include "cogless/monitor.h"
 #include "cogless/monitor_parts.h"
-#include "cogless/phasor.h"
 #include "cogless/transform.h"
 
 template <class Wide>
@@ -148,21 +130,17 @@ constexpr auto each = std::make_index_sequence<Real::lanes>();
     foc.lost_d = at<Real>(l.lost_d, first);
     foc.lost_q = at<Real>(l.lost_q, first);
 
-    const Real ahead = at<Real>(l.ahead, first) * in.omega_e;
-    cgl_phasor rotor, turn;
-    cgl_sincos_of_angle(in.theta_e, &rotor.sine, &rotor.cosine);
-    cgl_sincos_of_small(ahead, &turn.sine, &turn.cosine);
-    const cgl_vector i = cgl_foc_currents(&in, l.two_phases, rotor), ref = {in.i_d_ref, in.i_q_ref};
+    const cgl_vector i = cgl_foc_currents(&in, l.two_phases, at<Real>(l.sine, first), at<Real>(l.cosine, first));
+    const cgl_vector ref = {in.i_d_ref, in.i_q_ref};
     const cgl_vector error = {ref.d - i.d, ref.q - i.q};
     const cgl_vector u = cgl_foc_voltage(&foc, in.omega_e, i, error);
     const Real per_bus = Real(Number(1)) / in.u_dc, longest = cgl_foc_longest(l.two_phases);
     const cgl_vector part = {u.d * per_bus, u.q * per_bus};
-    const cgl_truth free = cgl_is_angle(in.theta_e) & cgl_is_angle(in.theta_e + ahead) & (in.u_dc >= CGL_BUS_MIN) &
-                           cgl_is_within(in.u_dc, CGL_REAL_MAX) & cgl_is_within(ahead, CGL_QUARTER) &
+    const cgl_truth free = (in.u_dc >= CGL_BUS_MIN) & cgl_is_within(in.u_dc, CGL_REAL_MAX) &
                            cgl_is_shorter(ref, at<Real>(l.current_limit, first)) & cgl_is_shorter(part, longest);
     cgl_foc_integrate(&foc, error, in.u_dc * longest);
     Real duty[3];
-    cgl_foc_duties(part, l.two_phases, cgl_product(rotor, turn), duty);
+    cgl_foc_duties(part, l.two_phases, at<Real>(l.acting_sine, first), at<Real>(l.acting_cosine, first), duty);
 
     const cgl_truth takes = asked & free;
     take(l.integral_d, first, takes, foc.integral_d);
@@ -186,7 +164,7 @@ constexpr auto each = std::make_index_sequence<Real::lanes>();
 [[gnu::always_inline]] inline std::uint32_t step_some(LaneLoops& l, std::size_t first, std::uint32_t lanes) {
     const Number* const* from = l.in.of + first;
     const auto input = [&](std::size_t n) __attribute__((always_inline)) { return gathered(from, n, each); };
-    const cgl_foc_input in = {{input(0), input(1), input(2)}, input(3), input(4), input(5), input(6), input(7)};
+    const cgl_foc_input in = {{input(0), input(1), input(2)}, Number(0), input(4), input(5), input(6), input(7)};
     const cgl_truth asked = bits_of(lanes, each);
     return packed(step(l, first, in, asked), asked, lanes);
 }
@@ -201,10 +179,10 @@ constexpr auto each = std::make_index_sequence<Real::lanes>();
     monitor.limits.current_square = at<Real>(l.current_square, first);
     monitor.limits.sum_square = at<Real>(l.sum_square, first);
     const Real theta = at<Real>(l.theta_m, first), omega = at<Real>(l.omega_m, first), u_dc = at<Real>(l.u_dc, first);
-    const Real pole_pairs = at<Real>(l.pole_pairs, first), zero = Number(0);
+    const Real zero = Number(0);
     const cgl_foc_input in = {{as_reals(at(l.measured[0], first)), as_reals(at(l.measured[1], first)), as_reals(at(l.measured[2], first))},
-                              pole_pairs * theta,
-                              pole_pairs * omega,
+                              zero,
+                              at<Real>(l.pole_pairs, first) * omega,
                               u_dc,
                               at<Real>(l.i_d_ref, first),
                               at<Real>(l.i_q_ref, first)};

@@ -25,7 +25,7 @@ struct LaneLoops {
     bool two_phases = false, decoupling = false;
     std::uint32_t monitor_phases = 0;
     // as in cgl_foc and its config
-    Reals kp_d, kp_q, rise_d, rise_q, L_d, L_q, psi_f, current_limit, ahead;
+    Reals kp_d, kp_q, rise_d, rise_q, L_d, L_q, psi_f, current_limit;
     Reals integral_d, integral_q, lost_d, lost_q;
     // as in cgl_monitor and its limits, and in cgl_drive
     Reals travel_square, speed_square, doubt_square, current_square, sum_square, period, pole_pairs;
@@ -33,12 +33,14 @@ struct LaneLoops {
     // what stays the same in a quiet period: angle and speed as measured, the speed's reference of the monitor, the bus voltage, and the
     // current references
     Reals theta_m, omega_m, omega_ref, u_dc, i_d_ref, i_q_ref;
+    // of the rotor's electrical angle, as measured and when the voltage acts; NaN: there is no valid angle
+    Reals sine, cosine, acting_sine, acting_cosine;
     Reals output[outputs];                  // of the last period, in the order of cgl_foc_output
     Reals delayed;                          // 1: duty cycles act a period later; 0: at once
     Reals computed[3];                      // duty cycles of the last period
     Each<double> least_duty;                // see without_short_pulses()
     Each<double> count, angle_step, theta_before;  // of a position sensor whose edges are timed: steps, rad, rad
-    Each<const cgl_real*> in;               // the numbers of cgl_foc_input, for step_loops()
+    Each<const cgl_real*> in;               // the numbers of cgl_foc_input, for step_loops(), which does not use its angle
     // each with a number for each lane: numbers that must be finite, the measured currents, A, and the duty cycles that act in this period
     const double *states[4], *measured[3];
     double* duty[3];

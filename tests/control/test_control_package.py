@@ -106,7 +106,7 @@ def test_the_one_header_includes_all() -> None:
     assert '#include "cogless/laws.def"' in text
     text += laws.replace('#include "', '#include "cogless/')
     inner = {"choice.h", "drive_parts.h", "duties.h", "foc_parts.h", "law.h", "monitor_parts.h"}
-    inner |= {"phasor.h", "range.h", "real.h", "sine.h", "status.h"}
+    inner |= {"range.h", "real.h", "sine.h", "status.h"}
     missing = {
         header.name
         for header in (CONTROL / "src" / "cogless").glob("*.h")

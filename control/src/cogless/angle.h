@@ -4,7 +4,6 @@
 
 #include <stdint.h>
 
-#include "phasor.h"
 #include "real.h"
 
 #ifdef __cplusplus
@@ -14,6 +13,17 @@ extern "C" {
 /* Sine and cosine of theta [rad], to 1.5e-7 (float) or 1e-15 (double) for |theta| below CGL_ANGLE_MAX.
  * Any other theta, and NaN, gives sine 0 and cosine 1. */
 void cgl_sincos(cgl_real theta, cgl_real *sine, cgl_real *cosine);
+
+/* cos + j sin of an angle. The product of two phasors is the phasor of the sum of their angles. */
+typedef struct {
+    cgl_real cosine, sine;
+} cgl_phasor;
+
+static inline cgl_phasor cgl_product(cgl_phasor a, cgl_phasor b)
+{
+    const cgl_phasor product = {a.cosine * b.cosine - a.sine * b.sine, a.cosine * b.sine + a.sine * b.cosine};
+    return product;
+}
 
 /* Phasor of an angle [2^-32 turns], to 1.5e-7 (float) or 1e-15 (double). The errors of two phasors add up in their product. The rounding of
  * the product adds at most sqrt(5) 2^-24 (double: sqrt(5) 2^-53). So the phasor of h times the angle, computed as a product of phasors, has

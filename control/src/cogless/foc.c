@@ -132,7 +132,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     }
     cgl_phasor rotor;
     cgl_sincos_of_angle(in->theta_e, &rotor.sine, &rotor.cosine);
-    const cgl_vector i = cgl_foc_currents(in, two_phases, rotor);
+    const cgl_vector i = cgl_foc_currents(in, two_phases, rotor.sine, rotor.cosine);
 
     cgl_vector ref = {in->i_d_ref, in->i_q_ref};
     out->status = 0U;
@@ -167,5 +167,6 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     out->u_q = u.q;
     out->i_d_ref = ref.d;
     out->i_q_ref = ref.q;
-    cgl_foc_duties(part, two_phases, cgl_product(rotor, cgl_phasor_ahead(ahead)), out->duty);
+    const cgl_phasor acting = cgl_product(rotor, cgl_phasor_ahead(ahead));
+    cgl_foc_duties(part, two_phases, acting.sine, acting.cosine, out->duty);
 }

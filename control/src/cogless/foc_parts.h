@@ -6,7 +6,6 @@
 #include "choice.h"
 #include "duties.h"
 #include "foc.h"
-#include "phasor.h"
 #include "real.h"
 #include "transform.h"
 
@@ -22,8 +21,8 @@ static inline cgl_truth cgl_is_shorter(cgl_vector x, cgl_real length)
     return x.d * x.d + x.q * x.q < length * length;
 }
 
-/* The measured currents in the rotor's frame [A]. */
-static inline cgl_vector cgl_foc_currents(const cgl_foc_input *in, bool two_phases, cgl_phasor rotor)
+/* The measured currents in the frame of the rotor, whose angle has this sine and cosine [A]. */
+static inline cgl_vector cgl_foc_currents(const cgl_foc_input *in, bool two_phases, cgl_real sine, cgl_real cosine)
 {
     cgl_real alpha, beta;
     cgl_vector i;
@@ -33,7 +32,7 @@ static inline cgl_vector cgl_foc_currents(const cgl_foc_input *in, bool two_phas
     } else {
         cgl_clarke(in->i_abc, &alpha, &beta);
     }
-    cgl_park(alpha, beta, rotor.sine, rotor.cosine, &i.d, &i.q);
+    cgl_park(alpha, beta, sine, cosine, &i.d, &i.q);
     return i;
 }
 
@@ -61,11 +60,12 @@ static inline void cgl_foc_integrate(cgl_foc *foc, cgl_vector error, cgl_real u_
     foc->integral_q = cgl_add(foc->integral_q, foc->rise_q * error.q, u_max, &foc->lost_q);
 }
 
-/* The duty cycles of a voltage, given as a share of the bus voltage, in the rotor's frame at the phasor `acting`. */
-static inline void cgl_foc_duties(cgl_vector share, bool two_phases, cgl_phasor acting, cgl_real duty[3])
+/* The duty cycles of a voltage, given as a share of the bus voltage, in the frame of the rotor. Sine and cosine are those of the rotor's
+ * angle when the voltage acts. */
+static inline void cgl_foc_duties(cgl_vector share, bool two_phases, cgl_real sine, cgl_real cosine, cgl_real duty[3])
 {
     cgl_real alpha, beta;
-    cgl_park_inverse(share.d, share.q, acting.sine, acting.cosine, &alpha, &beta);
+    cgl_park_inverse(share.d, share.q, sine, cosine, &alpha, &beta);
     cgl_real part[3] = {CGL_R(0.5) * alpha, CGL_R(0.5) * beta, CGL_R(0.0)}; /* of two H-bridges */
     if (!two_phases) {
         cgl_centred(alpha, beta, part);
