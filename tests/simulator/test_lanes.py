@@ -163,7 +163,9 @@ def quiet(**change: Any) -> dict[str, Any]:
         "two phases",
     ],
 )
-def test_a_lane_rests_between_rows_with_the_bits_of_its_drive_alone(change: dict[str, Any], kernel: int) -> None:
+def test_a_lane_rests_between_rows_with_the_bits_of_its_drive_alone(
+    change: dict[str, Any], kernel: int
+) -> None:
     count = engine.lane_kernels()[kernel][1]
     drives = variants(count, 3, **change)
     expected = alone(drives, 800, 7)
