@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "current_converter.hpp"
 #include "inverter.hpp"
 #include "random.hpp"
 #include "wide.hpp"
@@ -27,25 +28,23 @@ public:
 
     [[gnu::always_inline]] Phases measure(const Phases& currents, Random& random) const {
         Four i = four_of(currents);
-        i += gain_error_ * i + offset_;
+        i = with_gain(i, gain_error_, offset_);
         if (config_.noise > 0.0) {
             const double a = normal_.draw(random), b = normal_.draw(random);
             i += Four(config_.noise) * four_of<3>({a, b, config_.sensors == 3 ? normal_.draw(random) : 0.0});
         }
-        if (config_.bits > 0) i = converted(i);
+        if (config_.bits > 0) i = converted(i, Four(-config_.range), Four(highest_), Four(step_), Four(per_step_));
         Phases measured = array_of<3>(i);
         if (config_.sensors == 2) measured[2] = -measured[0] - measured[1];
         return measured;
     }
 
-private:
-    // Rounds to the nearest step, halves away from zero. NaN becomes the lowest step.
-    [[gnu::always_inline]] Four converted(const Four& i) const {
-        const Four below = select(i > highest_, highest_, i), lowest = -config_.range;
-        const Four steps = select(below > lowest, below, lowest) * per_step_;
-        return step_ * truncated(steps + select(0.0 > steps, -0.5, 0.5));
-    }
+    const CurrentSensorsConfig& config() const { return config_; }
+    double step() const { return step_; }        // of the converter, A
+    double highest() const { return highest_; }  // output of the converter, A
+    static const Normal& normal() { return normal_; }
 
+private:
     CurrentSensorsConfig config_;
     inline static const Normal normal_;  // its tables are read at random: one copy for all drives stays in the cache
     Four offset_, gain_error_;

@@ -233,7 +233,25 @@ private:
     // Sets the motor's resistance and flux to those at the present temperatures.
     static void warm_up(const DriveState& state, Phase& phase);
     template <std::size_t legs, Detail detail>
-    static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
+    static void run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePlants& plants, std::int64_t end);
+    struct Running;
+    // Whether the drive can be a lane of one LaneLoops with the other.
+    bool joins(const Drive& other) const;
+    // Whether the drive can have quiet periods: see step_quietly().
+    bool rests() const;
+    // The drive's settings and state in a LaneLoops.
+    void join(LaneLoops& loops, std::size_t lane, DriveState& state) const;
+    static void put(LaneLoops& loops, std::size_t lane, const DriveState& state);
+    static void get(const LaneLoops& loops, std::size_t lane, DriveState& state);
+    // Sine and cosine of an electrical angle, rad, and of where the rotor is when the voltage acts; omega_e: rad/s.
+    static void turn(LaneLoops& loops, std::size_t lane, const cgl_foc& foc, cgl_real theta_e, cgl_real omega_e);
+    // The output of the current loop's last step, which a LaneLoops has made.
+    static void take_output(const LaneLoops& loops, std::size_t lane, DriveState& state);
+    // The angle that the position sensor of a lane in quiet periods shows.
+    static void show_angle(LaneLoops& loops, const Running& lane);
+    // Begins quiet periods if this tick allows it, and ends them.
+    static bool sleep(LaneLoops& loops, Running& lane);
+    static void wake(const LaneLoops& loops, Running& lane, std::int64_t tick);
 
     // Sets the load's torque and the target that it approaches, N m, where a step of the load is due.
     static void step_load(DriveState& state, const Phase& phase, std::int64_t origin, double& torque, double& target);
@@ -256,7 +274,8 @@ private:
     Voltage<> averaged(DriveState& state, const Phases& duty, const Phases& current, const Faults& faults) const;
     // Keeps the duty cycles of this period for the next one.
     void remember(DriveState& state, const Phases& applied) const;
-    template <std::size_t legs>
+    // alone: false in a lane. `current` is then what the sensors show, and actuate() must follow.
+    template <std::size_t legs, bool alone = true>
     void control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
                  const Faults& faults, Controller* other) const;
     void sample_reference(DriveState& state, const Phase& phase, std::int64_t origin) const;

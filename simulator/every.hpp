@@ -17,6 +17,12 @@ public:
         return is_multiple;
     }
 
+    // The number of calls of next() before it returns true.
+    std::int64_t wait() const { return since_ == 0 ? 0 : number_ - since_; }
+
+    // Goes on by as many ticks as next() would be called, none of which is a multiple.
+    void skip(std::int64_t ticks) { since_ = (since_ + ticks) % number_; }
+
 private:
     std::int64_t number_, since_;
 };

@@ -21,6 +21,7 @@ public:
         LaneInverter<Real>& v = inverter_;
         return {first(x.theta_m), first(x.omega_m), first(x.i.d), first(x.i.q), first(x.load.torque), first(x.load.target),
                 {first(v.current[0]), first(v.current[1]), first(v.current[2])},
+                {first(sensors_.measured[0]), first(sensors_.measured[1]), first(sensors_.measured[2])},
                 {first(v.duty[0]), first(v.duty[1]), first(v.duty[2])},
                 {first(v.last[0]), first(v.last[1]), first(v.last[2])},
                 first(v.bus_voltage), first(v.dead_share), first(v.device_drop), first(u_.alpha), first(u_.beta)};
@@ -36,7 +37,27 @@ public:
         x.stuck = s_.x.stuck[lane];
     }
 
-    void measure() override { lane_currents(s_, inverter_, legs_); }
+    void put(std::size_t lane, const CurrentSensors& sensors, const Random& random) override {
+        const CurrentSensorsConfig& config = sensors.config();
+        for (std::size_t n = 0; n < 3; ++n) {
+            sensors_.offset[n].set(lane, config.offset[n]);
+            sensors_.gain_error[n].set(lane, config.gain_error[n]);
+        }
+        sensors_.noise.set(lane, config.noise);
+        sensors_.step.set(lane, sensors.step());
+        sensors_.per_step.set(lane, 1.0 / sensors.step());
+        sensors_.highest.set(lane, sensors.highest());
+        sensors_.lowest.set(lane, -config.range);
+        sensors_.converts.set(lane, config.bits > 0 ? 1.0 : 0.0);
+        sensors_.two.set(lane, config.sensors == 2 ? 1.0 : 0.0);
+        sensors_.random[lane] = random.state();
+        sensors_.noisy |= config.noise > 0.0;
+        sensors_.edges = CurrentSensors::normal().edges();
+    }
+
+    void get(std::size_t lane, Random& random) const override { random = Random(sensors_.random[lane]); }
+
+    void measure() override { lane_currents(s_, inverter_, sensors_, legs_); }
     void apply(const Carrier& carrier) override { lane_voltage(inverter_, u_, carrier, legs_); }
 
     std::uint32_t step(double h) override { return lane_step(equations_, s_, u_, h, detail_); }
@@ -79,18 +100,31 @@ private:
     std::size_t legs_;
     LaneStates<Real> s_{};
     LaneInverter<Real> inverter_{};
+    LaneSensors<Real> sensors_{};
     Voltage<Real> u_{};
 };
 
 }  // namespace
 
+double draw_at_edge(std::uint64_t& state, std::size_t layer, double x) {
+    Random random(state);
+    const double draw = CurrentSensors::normal().at_edge(random, {layer, x});
+    state = random.state();
+    return draw;
+}
+
+template <class Real>
+static LaneKernel kernel(const char* name) {
+    return {name, Real::lanes, &Plants<Real>::make, &step_loops<Real>, &step_quietly<Real>, &watch<Real>};
+}
+
 std::vector<LaneKernel> lane_kernels() {
     std::vector<LaneKernel> all;
 #if defined(COGLESS_X86_LANES)
-    if (__builtin_cpu_supports("avx512f")) all.push_back({"avx512", Avx512::lanes, &Plants<Avx512>::make});
-    if (__builtin_cpu_supports("avx2")) all.push_back({"avx2", Avx2::lanes, &Plants<Avx2>::make});
+    if (__builtin_cpu_supports("avx512f")) all.push_back(kernel<Avx512>("avx512"));
+    if (__builtin_cpu_supports("avx2")) all.push_back(kernel<Avx2>("avx2"));
 #endif
-    all.push_back({"128 bits", Sse2::lanes, &Plants<Sse2>::make});
+    all.push_back(kernel<Sse2>("128 bits"));
     return all;
 }
 

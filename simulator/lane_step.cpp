@@ -2,6 +2,10 @@
 #include "lane_step.hpp"
 
 #include <cstring>
+#include <utility>
+
+#include "current_converter.hpp"
+#include "random.hpp"
 
 namespace cogless {
 
@@ -61,6 +65,45 @@ std::uint32_t step(const Equations<Real>& equations, LaneStates<Real>& s, const 
     return 0;
 }
 
+typedef std::uint64_t Words __attribute__((vector_size(sizeof(Real::Register))));
+constexpr std::size_t width = sizeof(Words) / sizeof(std::uint64_t);
+
+// Numbers below 2^53, each exactly: first the upper half times 2^32, then the lower half.
+[[gnu::always_inline]] inline Real::Register as_doubles(Words n) {
+    const auto upper = reinterpret_cast<Real::Register>((n >> 32U) | 0x4530000000000000U);  // 2^84 + 2^32 times the upper half
+    const auto lower = reinterpret_cast<Real::Register>((n & 0xffffffffU) | 0x4330000000000000U);  // 2^52 + the lower half
+    return (upper - 0x1.00000001p84) + lower;
+}
+
+// Numbers of a table, at these places.
+template <std::size_t... lane>
+[[gnu::always_inline]] inline Real::Register looked_up(const double* table, const std::uint64_t* place, std::index_sequence<lane...>) {
+    return Real::Register{table[place[lane]]...};
+}
+
+// Draws of the normal distribution, as Normal::draw(), for these lanes. The other lanes' generators stay as they are.
+[[gnu::always_inline]] inline Real draws(LaneSensors<Real>& sensors, const Real::Mask& of) {
+    Real x, next_edge;
+    std::uint64_t layer[Real::lanes];
+    for (std::size_t r = 0; r < Real::lanes / width; ++r) {
+        Words& random = *reinterpret_cast<Words*>(sensors.random + r * width);
+        Words next = random;
+        const Words all = next_bits(next), in = all % Normal::layers;
+        random = of.bits[r] ? next : random;
+        std::memcpy(layer + r * width, &in, sizeof in);
+        constexpr auto each = std::make_index_sequence<width>();
+        const Real::Register edge = looked_up(sensors.edges, layer + r * width, each);
+        next_edge.part[r] = looked_up(sensors.edges + 1, layer + r * width, each);
+        x.part[r] = Normal::x_of(as_doubles(all >> 11U), edge);
+    }
+    if (const auto beyond = of & (magnitude(x) >= next_edge); beyond.any()) {
+        for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
+            if (beyond[lane]) x.set(lane, draw_at_edge(sensors.random[lane], layer[lane], x[lane]));
+        }
+    }
+    return x;
+}
+
 template <std::size_t legs>
 Voltage<Real> voltage(const LaneInverter<Real>& v, const Carrier& carrier) {
     return averaged<legs>(v.bus_voltage, v.dead_share, v.device_drop, leg_duties<legs>(v.duty), leg_duties<legs>(v.last),
@@ -69,8 +112,19 @@ Voltage<Real> voltage(const LaneInverter<Real>& v, const Carrier& carrier) {
 
 }  // namespace
 
-void lane_currents(const LaneStates<Real>& s, LaneInverter<Real>& v, std::size_t legs) {
+void lane_currents(const LaneStates<Real>& s, LaneInverter<Real>& v, LaneSensors<Real>& sensors, std::size_t legs) {
+    const Real zero = 0.0;
     v.current = legs == star_legs ? phase_currents<star_legs>(s.x.i, s.here.axis) : phase_currents<bridge_legs>(s.x.i, s.here.axis);
+    const auto noisy = sensors.noise > zero, converts = sensors.converts > zero, two = sensors.two > zero;
+    for (std::size_t n = 0; n < 3; ++n) {
+        Real i = with_gain(v.current[n], sensors.gain_error[n], sensors.offset[n]);
+        if (sensors.noisy) {
+            const Real x = select(n == 2 ? two : Real::Mask{}, zero, draws(sensors, n == 2 ? noisy & !two : noisy));
+            i = select(noisy, i + sensors.noise * x, i);
+        }
+        sensors.measured[n] = select(converts, converted(i, sensors.lowest, sensors.highest, sensors.step, sensors.per_step), i);
+    }
+    sensors.measured[2] = select(two, -sensors.measured[0] - sensors.measured[1], sensors.measured[2]);
 }
 
 void lane_voltage(const LaneInverter<Real>& v, Voltage<Real>& u, const Carrier& carrier, std::size_t legs) {

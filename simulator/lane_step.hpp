@@ -8,16 +8,25 @@
 
 namespace cogless {
 
-// A type for each set of instructions, with enough registers to hide an operation's latency and few enough not to spill.
-using Sse2 = Wide<2, 2>;
-using Avx2 = Wide<4, 2>;
-using Avx512 = Wide<8, 1>;
-
 template <class Real>
 struct LaneStates {
     PlantState<Real> x;
     AtAngle<Real> here;
 };
+
+// The phases' current sensors: what CurrentSensors computes with, and the measured currents.
+template <class Real>
+struct LaneSensors {
+    InPhases<Real> offset, gain_error, measured;
+    Real noise, step, per_step, highest, lowest;
+    Real converts, two;  // 1 or 0: whether there is a converter, and whether the third current is computed from the others
+    std::uint64_t random[Real::lanes];  // states of the generators of the noise
+    bool noisy;                         // any of the sensors
+    const double* edges;                // Normal::edges()
+};
+
+// Normal::at_edge() with a generator's state.
+double draw_at_edge(std::uint64_t& random, std::size_t layer, double x);
 
 // The arguments of averaged(), among them the phase currents.
 template <class Real>
@@ -30,7 +39,7 @@ struct LaneInverter {
 // function that other files also contain, the linker keeps only one copy, perhaps the one with these instructions.
 #define COGLESS_LANE_STEP(Real)                                                                                        \
     std::uint32_t lane_step(const Equations<Real>&, LaneStates<Real>&, const Voltage<Real>&, double h, Detail detail); \
-    void lane_currents(const LaneStates<Real>&, LaneInverter<Real>&, std::size_t legs);                                \
+    void lane_currents(const LaneStates<Real>&, LaneInverter<Real>&, LaneSensors<Real>&, std::size_t legs);            \
     void lane_voltage(const LaneInverter<Real>&, Voltage<Real>&, const Carrier&, std::size_t legs);
 COGLESS_LANE_STEP(Sse2)
 COGLESS_LANE_STEP(Avx2)

@@ -138,6 +138,15 @@ public:
                config_.speed_method == SpeedMethod::MT;
     }
 
+    // Whether, between two of its edges, the sensor shows the same angle and speed until the law runs again.
+    bool rests_between_edges() const {
+        return watches() && config_.kind != PositionSensorKind::hall && config_.kind != PositionSensorKind::ideal && config_.error.empty() &&
+               config_.error_table.empty() && config_.latency <= 0.0;
+    }
+
+    double step() const { return step_; }                                                           // rad per count
+    double angle(const State& s) const { return wrapped(static_cast<double>(s.count) * step_); }  // rad, that the sensor shows
+
     // Times the edges that the rotor passed on its way to theta_m, between the instants `from` and `to`.
     void watch(State& s, double from, double to, double theta_m) const {
         const double theta = seen(theta_m);
@@ -166,7 +175,7 @@ public:
         if (config_.kind == PositionSensorKind::hall) return sample_hall(s, time);
         if (!s.past.empty()) theta_m = old(s, theta_m, omega_m);
         if (!watches()) s.count = count(seen(theta_m));
-        const double theta = corrected(s, wrapped(static_cast<double>(s.count) * step_), correction);
+        const double theta = corrected(s, angle(s), correction);
         const bool observed = config_.speed_method == SpeedMethod::observer;
         if (observed || speed_sample || averages()) s.omega_m = speed(s, time, correction.table);
         return {theta, s.omega_m};

@@ -10,27 +10,31 @@
 
 namespace cogless {
 
+// The next bits of SplitMix64, or those of several at once, whose states are a vector.
+template <class State>
+[[gnu::always_inline]] inline State next_bits(State& state) {
+    state += 0x9e3779b97f4a7c15U;
+    State z = state;
+    z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
+    z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
+    return z ^ (z >> 31U);
+}
+
 class Random {
 public:
     explicit Random(std::uint64_t seed) : state_(seed) {}
 
-    std::uint64_t bits() {
-        state_ += step;
-        std::uint64_t z = state_;
-        z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
-        z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
-        return z ^ (z >> 31U);
-    }
+    std::uint64_t state() const { return state_; }
+
+    std::uint64_t bits() { return next_bits(state_); }
 
     // Advances as if `count` numbers had been drawn.
-    void skip(std::uint64_t count) { state_ += count * step; }
+    void skip(std::uint64_t count) { state_ += count * 0x9e3779b97f4a7c15U; }
 
     // A number in (0, 1], evenly distributed.
     double uniform() { return static_cast<double>((bits() >> 11U) + 1) * 0x1p-53; }
 
 private:
-    static constexpr std::uint64_t step = 0x9e3779b97f4a7c15U;
-
     std::uint64_t state_;
 };
 
@@ -38,6 +42,19 @@ private:
 // method for generating random variables, 2000). Nearly all draws take one multiplication and one comparison.
 class Normal {
 public:
+    static constexpr std::size_t layers = 128;
+
+    struct Point {
+        std::size_t layer;
+        double x;
+    };
+
+    // A point's x from its edge and a number's 53 bits.
+    template <class Real>
+    [[gnu::always_inline]] static Real x_of(const Real& bits, const Real& edge) {
+        return (bits * 0x1p-52 - 1.0) * edge;
+    }
+
     Normal() {
         edge_[0] = area / density(tail);
         edge_[1] = tail;
@@ -53,22 +70,8 @@ public:
         return is_inside(p) ? p.x : at_edge(random, p);
     }
 
-private:
-    static constexpr std::size_t layers = 128;
-    static constexpr double tail = 3.442619855899, area = 9.91256303526217e-3;  // start of the tail, area of one of 128 layers (the paper)
-
-    struct Point {
-        std::size_t layer;
-        double x;
-    };
-
-    [[gnu::always_inline]] Point point(Random& random) const {
-        const std::uint64_t bits = random.bits();
-        const std::size_t layer = bits % layers;
-        return {layer, (static_cast<double>(bits >> 11U) * 0x1p-52 - 1.0) * edge_[layer]};
-    }
-
-    [[gnu::always_inline]] bool is_inside(Point p) const { return std::abs(p.x) < edge_[p.layer + 1]; }
+    // The edges of the layers. A point of layer n is inside if |x| is below edge n + 1.
+    const double* edges() const { return edge_.data(); }
 
     // The draw from a point that may lie above the density. While it does, another point is drawn.
     [[gnu::noinline]] double at_edge(Random& random, Point p) const {
@@ -80,6 +83,17 @@ private:
         }
         return p.x;
     }
+
+private:
+    static constexpr double tail = 3.442619855899, area = 9.91256303526217e-3;  // start of the tail, area of one of 128 layers (the paper)
+
+    [[gnu::always_inline]] Point point(Random& random) const {
+        const std::uint64_t bits = random.bits();
+        const std::size_t layer = bits % layers;
+        return {layer, x_of(static_cast<double>(bits >> 11U), edge_[layer])};
+    }
+
+    [[gnu::always_inline]] bool is_inside(Point p) const { return std::abs(p.x) < edge_[p.layer + 1]; }
 
     static double density(double x) { return exponential(-0.5 * x * x); }
 

@@ -6,7 +6,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
+#include <type_traits>
+#include <utility>
 
 namespace cogless {
 
@@ -25,14 +28,15 @@ using MaskOf = typename MaskOfReal<Real>::Type;
 [[gnu::always_inline]] inline double select(bool condition, double yes, double no) { return condition ? yes : no; }
 
 // width: numbers in a register of the processor. registers: registers of a Wide; two hide an operation's latency behind another.
-// The alignment is stated, since the compiler's own depends on the instructions that it may use.
-template <std::size_t width, std::size_t registers>
-struct alignas(8 * width) Wide {
-    typedef double Register __attribute__((vector_size(8 * width)));
-    typedef std::int64_t Bits __attribute__((vector_size(8 * width)));
+// The alignment is stated, since the compiler's own depends on the instructions that it may use. Number: double, or float.
+template <std::size_t width, std::size_t registers, class Number = double>
+struct alignas(sizeof(Number) * width) Wide {
+    typedef Number Register __attribute__((vector_size(sizeof(Number) * width)));
+    using Integer = std::conditional_t<sizeof(Number) == 8, std::int64_t, std::int32_t>;
+    typedef Integer Bits __attribute__((vector_size(sizeof(Number) * width)));
     static constexpr std::size_t lanes = width * registers;
 
-    struct alignas(8 * width) Mask {
+    struct alignas(sizeof(Number) * width) Mask {
         Bits bits[registers];
 
         [[gnu::always_inline]] bool operator[](std::size_t lane) const { return bits[lane / width][lane % width] != 0; }
@@ -42,31 +46,46 @@ struct alignas(8 * width) Wide {
             for (std::size_t r = 0; r < registers; ++r) both.bits[r] = a.bits[r] & b.bits[r];
             return both;
         }
+        [[gnu::always_inline]] friend Mask operator!(const Mask& a) {
+            Mask none;
+            for (std::size_t r = 0; r < registers; ++r) none.bits[r] = ~a.bits[r];
+            return none;
+        }
         [[gnu::always_inline]] bool any() const {
-            Mask all = *this;
-            for (std::size_t r = 1; r < registers; ++r) all.bits[0] |= bits[r];
-            for (std::size_t lane = 0; lane < width; ++lane) {
-                if (all[lane]) return true;
-            }
-            return false;
+            Bits all = bits[0];
+            for (std::size_t r = 1; r < registers; ++r) all |= bits[r];
+            std::uint64_t word[sizeof all / 8], some = 0;
+            std::memcpy(word, &all, sizeof all);
+            for (const std::uint64_t w : word) some |= w;
+            return some != 0;
         }
         // lane n as bit n
         [[gnu::always_inline]] std::uint32_t packed() const {
             std::uint32_t all = 0;
-            for (std::size_t lane = 0; lane < lanes; ++lane) all |= std::uint32_t{(*this)[lane]} << lane;
+            for (std::size_t r = 0; r < registers; ++r) all |= packed(bits[r], std::make_index_sequence<width>()) << (r * width);
             return all;
+        }
+
+    private:
+        template <std::size_t... lane>
+        [[gnu::always_inline]] static std::uint32_t packed(const Bits& bits, std::index_sequence<lane...>) {
+            const Bits own = bits & Bits{(Integer{1} << lane)...};
+            std::uint64_t word[sizeof own / 8], all = 0;
+            std::memcpy(word, &own, sizeof own);
+            for (const std::uint64_t w : word) all |= w;
+            return static_cast<std::uint32_t>(all | all >> 32U);
         }
     };
 
     Register part[registers];
 
     Wide() = default;
-    [[gnu::always_inline]] Wide(double all) {
+    [[gnu::always_inline]] Wide(Number all) {
         for (std::size_t r = 0; r < registers; ++r) part[r] = Register{} + all;
     }
 
-    [[gnu::always_inline]] double operator[](std::size_t lane) const { return part[lane / width][lane % width]; }
-    [[gnu::always_inline]] void set(std::size_t lane, double value) { part[lane / width][lane % width] = value; }
+    [[gnu::always_inline]] Number operator[](std::size_t lane) const { return part[lane / width][lane % width]; }
+    [[gnu::always_inline]] void set(std::size_t lane, Number value) { part[lane / width][lane % width] = value; }
 
 #define COGLESS_OPERATOR(op)                                                        \
     [[gnu::always_inline]] friend Wide operator op(const Wide& a, const Wide& b) {  \
@@ -85,13 +104,14 @@ struct alignas(8 * width) Wide {
         return c;
     }
     [[gnu::always_inline]] Wide& operator+=(const Wide& b) { return *this = *this + b; }
+    [[gnu::always_inline]] Wide& operator-=(const Wide& b) { return *this = *this - b; }
 
     [[gnu::always_inline]] friend Wide select(const Mask& condition, const Wide& yes, const Wide& no) {
         Wide c;
         for (std::size_t r = 0; r < registers; ++r) c.part[r] = condition.bits[r] ? yes.part[r] : no.part[r];
         return c;
     }
-    [[gnu::always_inline]] friend Wide magnitude(const Wide& a) { return select(a > Wide(0.0), a, -a); }
+    [[gnu::always_inline]] friend Wide magnitude(const Wide& a) { return select(a > Wide(0), a, -a); }
 #define COGLESS_COMPARISON(op)                                                          \
     [[gnu::always_inline]] friend Mask operator op(const Wide& a, const Wide& b) {      \
         Mask m;                                                                         \
@@ -100,8 +120,15 @@ struct alignas(8 * width) Wide {
     }
     COGLESS_COMPARISON(>)
     COGLESS_COMPARISON(>=)
+    COGLESS_COMPARISON(<)
+    COGLESS_COMPARISON(<=)
 #undef COGLESS_COMPARISON
 };
+
+// A type for each set of instructions, with enough registers to hide an operation's latency and few enough not to spill.
+using Sse2 = Wide<2, 2>;
+using Avx2 = Wide<4, 2>;
+using Avx512 = Wide<8, 1>;
 
 // Four numbers at once, on any processor.
 using Four = Wide<2, 2>;
@@ -123,11 +150,12 @@ template <std::size_t count>
 }
 
 // Each number rounded towards zero; |x| is below 2^31.
-[[gnu::always_inline]] inline Four truncated(const Four& x) {
-    typedef std::int32_t Whole __attribute__((vector_size(8)));
-    Four whole;
-    for (std::size_t r = 0; r < 2; ++r) {
-        whole.part[r] = __builtin_convertvector(__builtin_convertvector(x.part[r], Whole), Four::Register);
+template <std::size_t width, std::size_t registers>
+[[gnu::always_inline]] inline Wide<width, registers> truncated(const Wide<width, registers>& x) {
+    typedef std::int32_t Whole __attribute__((vector_size(4 * width)));
+    Wide<width, registers> whole;
+    for (std::size_t r = 0; r < registers; ++r) {
+        whole.part[r] = __builtin_convertvector(__builtin_convertvector(x.part[r], Whole), typename Wide<width, registers>::Register);
     }
     return whole;
 }

@@ -27,10 +27,10 @@ def made(change: dict[str, Any]) -> Any:
     return drive_of(engine, config(change))
 
 
-def alone(drives: Sequence[Any], ticks: int) -> list[Any]:
+def alone(drives: Sequence[Any], ticks: int, decimation: int = 1) -> list[Any]:
     rows = []
     for drive in drives:
-        state, recorder = drive.start(), engine.Recorder(drive, 1)
+        state, recorder = drive.start(), engine.Recorder(drive, decimation)
         drive.advance(state, recorder, ticks)
         rows.append(recorder.take())
     return rows
@@ -112,6 +112,104 @@ def test_a_lane_has_the_bits_of_its_drive_alone(change: dict[str, Any], kernel: 
     assert len({rows.tobytes() for rows in expected}) == count
     for rows, lane in zip(expected, together(drives, [1, 299, 200], kernel), strict=True):
         assert rows.tobytes() == lane.tobytes()
+
+
+QUIET = {"motor": RIPPLE, "drive": {"position_sensor": ENCODER, "current_sensors": SENSORS}}
+
+
+def quiet(**change: Any) -> dict[str, Any]:
+    """Drives whose sensor shows the same angle for many periods, and with `change` in their drive."""
+    return {**QUIET, "drive": {**QUIET["drive"], **change}}
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    "change",
+    [
+        quiet(),
+        quiet(current_sensors={**SENSORS, "sensors": 2, "gain_error": [0.01, -0.02, 0.0]}),
+        quiet(integration_steps=3, decoupling=False),
+        quiet(inverter={"pwm": "two-updates", "dead_time": 2e-6, "minimum_pulse": 2e-6}),
+        quiet(inverter={"computation_delay": 0, "device_drop": 0.7, "minimum_pulse": 2e-6}),
+        quiet(inverter={"bus_voltage": 3.0}),
+        {**quiet(current_limit=5.0, current_sensors={"noise": 0.2}), "load": {"torque": 1.45}},
+        quiet(monitor={"omega_max": 11.0, "bridge": 0.005, "speed_window": 0.002}),
+        quiet(monitor={"current_max": 0.3, "current_sum": 0.1, "hold": 0.003}),
+        {**QUIET, **STOPS, "reference": REVERSING},
+        {
+            **quiet(monitor={"stuck_angle": 0.2, "stuck_time": 0.004}, current_limit=5.0),
+            "mechanics": {"coulomb_friction": 4.0, "breakaway_friction": 4.0},
+            "reference": {"kind": "constant", "speed": 60.0},
+            "initial_speed": 0.0,
+        },
+        {**QUIET, "load": {"torque": 0.1, "lag": 0.002}, "events": [{"time": 0.0104, "load": 0.4}]},
+        {**QUIET, "faults": [{"kind": "current-zero", "time": 0.0103, "duration": 0.02, "phase": "a"}]},
+        {**quiet(current_sensors={}), "motor": {**RIPPLE, "phases": 2}, "energy": True},
+    ],
+    ids=[
+        "noise",
+        "two sensors",
+        "steps",
+        "two updates",
+        "no delay",
+        "low voltage",
+        "low current",
+        "speed bound",
+        "current bound",
+        "stick-slip",
+        "stuck",
+        "load step",
+        "fault",
+        "two phases",
+    ],
+)
+def test_a_lane_rests_between_rows_with_the_bits_of_its_drive_alone(
+    change: dict[str, Any], kernel: int
+) -> None:
+    count = engine.lane_kernels()[kernel][1]
+    drives = variants(count, 3, **change)
+    expected = alone(drives, 800, 7)
+    states, recorders = [each.start() for each in drives], [engine.Recorder(each, 7) for each in drives]
+    for ticks in (1, 298, 201):
+        assert not any(engine.advance_lanes(list(drives), states, recorders, ticks, kernel))
+    for drive, state, recorder, rows in zip(drives, states, recorders, expected, strict=True):
+        drive.advance(state, recorder, 300)  # what the lanes leave, a drive takes over
+        assert recorder.take().tobytes() == rows.tobytes()
+
+
+def test_lanes_with_different_sensors_and_settings_go_together() -> None:
+    dead_time = {"inverter": {"dead_time": 2e-6}}
+    drives = [
+        made(each)
+        for each in (
+            quiet(),
+            quiet(position_sensor={**ENCODER, "speed_method": "T"}, current_sensors={}),
+            quiet(position_sensor={**ENCODER, "speed_method": "M"}),
+            quiet(position_sensor=ECCENTRIC, **dead_time),
+            quiet(position_sensor=HALL, decoupling=False),
+            quiet(position_sensor={"kind": "ideal"}, inverter={"computation_delay": 0}),
+            quiet(speed_filter=900.0, current_sensors={**SENSORS, "sensors": 2}),
+            {**QUIET, "faults": [{"kind": "angle-stuck", "time": 0.01, "duration": 0.005}]},
+        )
+    ]
+    for kernel in KERNELS:
+        lanes = engine.lane_kernels()[kernel][1]
+        for some in (drives[:lanes], drives[-lanes:]):
+            states, recorders = [each.start() for each in some], [engine.Recorder(each, 7) for each in some]
+            assert not any(engine.advance_lanes(some, states, recorders, 500, kernel))
+            for rows, recorder in zip(alone(some, 500, 7), recorders, strict=True):
+                assert recorder.take().tobytes() == rows.tobytes()
+
+
+def test_a_lane_that_fails_while_it_rests_says_why_and_the_others_rest_on() -> None:
+    good, bad = made(QUIET), made({**QUIET, "events": [{"time": 0.0104, "load": 1e307}]})
+    states, recorders = [good.start(), bad.start()], [engine.Recorder(each, 1000) for each in (good, bad)]
+    errors = engine.advance_lanes([good, bad], states, recorders, 3001)
+    with pytest.raises(RuntimeError) as failure:
+        state = bad.start()
+        bad.advance(state, engine.Recorder(bad, 1000), 3001)
+    assert errors == ["", str(failure.value)] and states[1].tick == state.tick
+    assert np.array_equal(recorders[0].take(), alone([good], 3001, 1000)[0])
 
 
 @settings(max_examples=20, deadline=None)

@@ -1,5 +1,7 @@
 #include "drive.h"
 
+#include "drive_parts.h"
+
 #define POLE_PAIRS_MAX 10000U /* with more, the electrical angle could reach CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
 #define FULL_SHARE CGL_R(0.95) /* a current of at least this share of its limit counts as full */
@@ -136,12 +138,6 @@ CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
     drive->status = drive->held = 0U;
 }
 
-/* Whether the law follows a speed that the drive does not know. */
-static bool is_busy(const cgl_drive *drive)
-{
-    return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
-}
-
 #ifndef COGLESS_NO_GUARD
 /* Steps the guard, and puts its decisions into the law's input. Returns whether the law may learn. */
 static bool is_allowed(cgl_drive *drive, cgl_real error, bool wanted, bool learned)
@@ -190,7 +186,7 @@ CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *referen
     in->learn = reference->learn && monitor->trusted && !drive->off && (!drive->saturated || drive->learn_saturated);
     if (reference->torque) {
         follow_rotor(in);
-    } else if (!is_busy(drive)) {
+    } else if (!cgl_drive_is_busy(drive)) {
         if (cgl_quality_step(&drive->quality, error, monitor->omega_m, in->learn && learned)) {
             drive->status |= (unsigned)CGL_STATUS_OUTLIER;
             in->learn = false;
@@ -231,7 +227,7 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
         return false;
     }
     cgl_monitor *const monitor = &drive->monitor;
-    const cgl_real omega_ref = is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref;
+    const cgl_real omega_ref = cgl_drive_omega_ref(drive, reference);
     /* is_full matters only while the angle stands still, so an ordinary period does not compute it */
     cgl_monitor_step(monitor, now, omega_ref, monitor->standstill > 0U && is_full(drive, omega_ref));
     drive->status = monitor->status;
@@ -269,7 +265,7 @@ void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
         out->status = (unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_FROZEN | (unsigned)CGL_STATUS_OFF;
         return;
     }
-    const unsigned status = drive->status | drive->command.status | drive->held;
+    const unsigned status = cgl_drive_status(drive);
     if (drive->monitor.safe) {
         drive->command.i_q_ref = CGL_R(0.0);
         cgl_foc_reset(&drive->foc);
@@ -286,9 +282,5 @@ void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
     }
     drive->currents.i_q_ref = drive->command.i_q_ref;
     cgl_foc_step(&drive->foc, &drive->currents, out);
-    drive->i_q = out->i_q;
-    if (out->status != 0U) { /* the current loop has fallen short of its reference */
-        drive->saturated = true;
-    }
-    out->status |= status;
+    cgl_drive_conclude(drive, out, status);
 }

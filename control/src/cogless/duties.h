@@ -2,6 +2,7 @@
 #ifndef COGLESS_DUTIES_H
 #define COGLESS_DUTIES_H
 
+#include "choice.h"
 #include "real.h"
 
 /* Fills in the voltages that three half bridges must give, measured from the middle of the bus, for the voltage (alpha, beta). All voltages
@@ -13,7 +14,7 @@ static inline void cgl_centred(cgl_real alpha, cgl_real beta, cgl_real part[3])
     const cgl_real reach = cgl_abs(side);
     const cgl_real lower = half - reach, upper = half + reach; /* the voltages of phases b and c */
     /* the phase voltages add up to zero, so the mean of the highest and the lowest is minus half the third one, `middle` */
-    const cgl_real middle = alpha < lower ? lower : (alpha > upper ? upper : alpha);
+    const cgl_real middle = CGL_CHOICE(alpha < lower, lower, CGL_CHOICE(alpha > upper, upper, alpha));
     const cgl_real shift = CGL_R(0.5) * middle;
     const cgl_real between = half + shift;
     part[0] = alpha + shift;

@@ -1,13 +1,10 @@
 #include "foc.h"
 
 #include "angle.h"
-#include "duties.h"
+#include "foc_parts.h"
 #include "range.h"
 #include "sine.h"
 #include "square_root.h"
-#include "transform.h"
-
-#define BUS_MIN CGL_R(1.0e-30) /* lowest bus voltage with a finite reciprocal [V] */
 
 CGL_SELDOM const char *cgl_foc_bad_field(const cgl_foc_config *config, cgl_real ts)
 {
@@ -69,10 +66,6 @@ CGL_SELDOM void cgl_foc_reset(cgl_foc *foc)
     foc->lost_d = foc->lost_q = CGL_R(0.0);
 }
 
-typedef struct {
-    cgl_real d, q;
-} vector;
-
 /* Returns a component with its old sign and a new magnitude, `size` >= 0. Rounding cannot make the magnitude larger than it was. */
 CGL_SELDOM static cgl_real with_size(cgl_real component, cgl_real size)
 {
@@ -80,7 +73,7 @@ CGL_SELDOM static cgl_real with_size(cgl_real component, cgl_real size)
 }
 
 /* Returns x, shortened to this length if it is longer. A component that is not finite counts as zero. */
-CGL_SELDOM static vector shortened(vector x, cgl_real length)
+CGL_SELDOM static cgl_vector shortened(cgl_vector x, cgl_real length)
 {
     x.d = cgl_finite_or_zero(x.d);
     x.q = cgl_finite_or_zero(x.q);
@@ -101,7 +94,7 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
 
 /* Whether a component of x is smaller than the same component of `than`. So a vector that is exactly as long as its limit does not count as
  * shortened. */
-static bool is_shorter(vector x, vector than)
+static bool is_shorter(cgl_vector x, cgl_vector than)
 {
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
@@ -116,8 +109,8 @@ static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 /* Sets the output at a fault: zero voltage. */
 CGL_SELDOM static void safe(const cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 {
-    const vector wanted = {in->i_d_ref, in->i_q_ref};
-    const vector ref = shortened(wanted, foc->config.current_limit);
+    const cgl_vector wanted = {in->i_d_ref, in->i_q_ref};
+    const cgl_vector ref = shortened(wanted, foc->config.current_limit);
     out->i_d_ref = ref.d;
     out->i_q_ref = ref.q;
     out->duty[0] = out->duty[1] = out->duty[2] = CGL_R(0.5);
@@ -132,68 +125,48 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     const cgl_real omega_e = in->omega_e, u_dc = in->u_dc;
     /* the angle by which the rotor turns until the voltage acts */
     const cgl_real ahead = foc->ahead * omega_e;
-    if (!(cgl_is_angle(in->theta_e) && cgl_is_angle(in->theta_e + ahead) && u_dc >= BUS_MIN
+    if (!(cgl_is_angle(in->theta_e) && cgl_is_angle(in->theta_e + ahead) && u_dc >= CGL_BUS_MIN
           && cgl_is_finite(u_dc))) {
         safe(foc, in, out);
         return;
     }
-    cgl_real sine, cosine, alpha, beta, i_d, i_q;
-    cgl_sincos_of_angle(in->theta_e, &sine, &cosine);
-    if (two_phases) {
-        alpha = in->i_abc[0];
-        beta = in->i_abc[1];
-    } else {
-        cgl_clarke(in->i_abc, &alpha, &beta);
-    }
-    cgl_park(alpha, beta, sine, cosine, &i_d, &i_q);
+    cgl_phasor rotor;
+    cgl_sincos_of_angle(in->theta_e, &rotor.sine, &rotor.cosine);
+    const cgl_vector i = cgl_foc_currents(in, two_phases, rotor.sine, rotor.cosine);
 
-    vector ref = {in->i_d_ref, in->i_q_ref};
+    cgl_vector ref = {in->i_d_ref, in->i_q_ref};
     out->status = 0U;
-    if (!(ref.d * ref.d + ref.q * ref.q < config->current_limit * config->current_limit)) {
-        const vector wanted = ref;
+    if (!cgl_is_shorter(ref, config->current_limit)) {
+        const cgl_vector wanted = ref;
         ref = shortened(wanted, config->current_limit);
         out->status = is_shorter(ref, wanted) ? (unsigned)CGL_STATUS_SATURATED : 0U;
     }
-    cgl_real e_d = ref.d - i_d;
-    cgl_real e_q = ref.q - i_q;
-    vector u = {config->kp_d * e_d + foc->integral_d, config->kp_q * e_q + foc->integral_q};
-    if (config->decoupling) {
-        u.d -= omega_e * config->L_q * i_q;
-        u.q += omega_e * (config->L_d * i_d + config->psi_f);
-    }
+    cgl_vector error = {ref.d - i.d, ref.q - i.q};
+    cgl_vector u = cgl_foc_voltage(foc, omega_e, i, error);
 
     /* a current that is not finite makes both voltages not finite, with any gains */
-    const cgl_real per_bus = CGL_R(1.0) / u_dc;
-    const cgl_real longest = two_phases ? CGL_R(1.0) : CGL_R(0.57735026918962576451); /* longest voltage as a share of the bus voltage */
-    const cgl_real u_max = u_dc * longest;
-    cgl_real part_d = u.d * per_bus, part_q = u.q * per_bus;
-    if (!(part_d * part_d + part_q * part_q < longest * longest)) {
+    const cgl_real per_bus = CGL_R(1.0) / u_dc, longest = cgl_foc_longest(two_phases), u_max = u_dc * longest;
+    cgl_vector part = {u.d * per_bus, u.q * per_bus};
+    if (!cgl_is_shorter(part, longest)) {
         if (!(cgl_is_finite(u.d) && cgl_is_finite(u.q))) {
             safe(foc, in, out);
             return;
         }
-        const vector wanted = u;
+        const cgl_vector wanted = u;
         u = shortened(wanted, u_max);
-        part_d = u.d * per_bus;
-        part_q = u.q * per_bus;
-        e_d = taken_back(e_d, config->kp_d, u.d - wanted.d);
-        e_q = taken_back(e_q, config->kp_q, u.q - wanted.q);
+        part.d = u.d * per_bus;
+        part.q = u.q * per_bus;
+        error.d = taken_back(error.d, config->kp_d, u.d - wanted.d);
+        error.q = taken_back(error.q, config->kp_q, u.q - wanted.q);
         out->status = CGL_STATUS_SATURATED;
     }
-    foc->integral_d = cgl_add(foc->integral_d, foc->rise_d * e_d, u_max, &foc->lost_d);
-    foc->integral_q = cgl_add(foc->integral_q, foc->rise_q * e_q, u_max, &foc->lost_q);
-    out->i_d = i_d;
-    out->i_q = i_q;
+    cgl_foc_integrate(foc, error, u_max);
+    out->i_d = i.d;
+    out->i_q = i.q;
     out->u_d = u.d;
     out->u_q = u.q;
     out->i_d_ref = ref.d;
     out->i_q_ref = ref.q;
-
-    const cgl_phasor measured = {cosine, sine}, acting = cgl_product(measured, cgl_phasor_ahead(ahead));
-    cgl_park_inverse(part_d, part_q, acting.sine, acting.cosine, &alpha, &beta);
-    cgl_real part[3] = {CGL_R(0.5) * alpha, CGL_R(0.5) * beta, CGL_R(0.0)}; /* shares of the bus voltage of two H-bridges */
-    if (!two_phases) {
-        cgl_centred(alpha, beta, part);
-    }
-    cgl_duties(part, out->duty);
+    const cgl_phasor acting = cgl_product(rotor, cgl_phasor_ahead(ahead));
+    cgl_foc_duties(part, two_phases, acting.sine, acting.cosine, out->duty);
 }

@@ -1,6 +1,7 @@
 #include "monitor.h"
 
 #include "angle.h"
+#include "monitor_parts.h"
 #include "range.h"
 
 /* The next attempt to turn a stuck rotor begins 11 attempt lengths after the last one began: the attempt itself, and a rest of ten
@@ -157,44 +158,23 @@ CGL_SELDOM static cgl_real difference(cgl_real to, cgl_real from)
     return d > CGL_PI ? d - CGL_TWO_PI : (d < -CGL_PI ? d + CGL_TWO_PI : d);
 }
 
-/* Sum of the squares of the phase currents that are checked. */
-static inline cgl_real sum_of_squares(const cgl_monitor_config *config, const cgl_real i[3])
-{
-    const cgl_real two = i[0] * i[0] + i[1] * i[1];
-    return config->phases == 3U ? two + i[2] * i[2] : two;
-}
-
-/* Whether the currents of three phases in a star add up to zero. */
-static inline bool is_sum_zero(const cgl_monitor *monitor, const cgl_real i[3])
-{
-    const cgl_real sum = i[0] + i[1] + i[2];
-    return monitor->config.phases != 3U || sum * sum <= monitor->limits.sum_square;
-}
-
 /* Handles an ordinary period in few instructions. A period is ordinary if the last one was trusted and this one is plausible. In any
  * other period it returns false and leaves the state untouched. */
 static inline bool is_ordinary(cgl_monitor *monitor, const cgl_measurement *now,
                                cgl_real omega_ref)
 {
-    const cgl_monitor_config *const config = &monitor->config;
-    const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real theta = now->theta_m, omega = now->omega_m;
     const cgl_real d = theta - monitor->theta_sensor;
-    if (!(monitor->trusted && d * d <= limits->travel_square && omega * omega <= limits->speed_square
-          && cgl_is_in_turn(theta))) {
+    if (!(monitor->trusted && cgl_is_rotor_ordinary(monitor, theta, d, omega))) {
         return false;
     }
-    if (config->phases != 0U) {
-        const cgl_real zero_or_nan = now->u_dc - now->u_dc; /* 0, or NaN if u_dc is infinite; with NaN the comparison below fails */
-        if (!(now->u_dc > CGL_R(0.0) && is_sum_zero(monitor, now->i_abc)
-              && sum_of_squares(config, now->i_abc) + zero_or_nan <= limits->current_square)) {
-            return false;
-        }
+    if (monitor->config.phases != 0U && !cgl_are_currents_ordinary(monitor, now->i_abc, now->u_dc)) {
+        return false;
     }
     cgl_real ref_turned = CGL_R(0.0);
     if (d == CGL_R(0.0)) {
         ref_turned = monitor->ref_turned + omega_ref * monitor->ts;
-        if (!(ref_turned * ref_turned <= limits->doubt_square)) {
+        if (!(ref_turned * ref_turned <= monitor->limits.doubt_square)) {
             return false;
         }
     }
@@ -395,7 +375,7 @@ static unsigned check_currents(const cgl_monitor *monitor, const cgl_measurement
         return 0U;
     }
     const bool are_currents =
-        sum_of_squares(config, now->i_abc) <= monitor->limits.current_square && is_sum_zero(monitor, now->i_abc);
+        cgl_sum_of_squares(config, now->i_abc) <= monitor->limits.current_square && cgl_is_sum_zero(monitor, now->i_abc);
     const bool is_bus = now->u_dc > CGL_R(0.0) && now->u_dc <= CGL_REAL_MAX;
     return (are_currents ? 0U : (unsigned)CGL_STATUS_CURRENT) | (is_bus ? 0U : (unsigned)CGL_STATUS_BUS);
 }

@@ -174,6 +174,7 @@ PYTHON = (
     "bindings.cpp",
     "python_value.hpp",
     "linear_trials.cpp",
+    "lane_loops.cpp",
     "lane_plants.cpp",
     "lane_step.cpp",
     "lane_step.hpp",

@@ -1,0 +1,246 @@
+// Compiled once for each set of instructions and each number type of the laws, with COGLESS_LANES as the instructions' type (wide.hpp),
+// and the instructions enabled. It may define nothing else that runs elsewhere; see lane_step.hpp.
+#include "lane_loops.hpp"
+
+#include <cstring>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "cogless/status.h"
+
+// Here are several numbers the cgl_real of the control library, with the words of its choice.h.
+#define COGLESS_CHOICE_H
+
+namespace cogless {
+
+namespace {
+
+using Number = ::cgl_real;
+using Lanes = COGLESS_LANES;
+constexpr std::size_t doubles = sizeof(Lanes::Register) / sizeof(double), fitting = sizeof(Lanes::Register) / sizeof(Number);
+// As many lanes as a register has, and the same lanes as doubles.
+using Real = Wide<(fitting < Lanes::lanes ? fitting : Lanes::lanes), 1, Number>;
+using Double = Wide<doubles, Real::lanes / doubles>;
+
+using cgl_real = Real;
+using cgl_truth = Real::Mask;
+#define CGL_CHOICE(condition, yes, no) select(condition, yes, no)
+
+[[gnu::always_inline]] inline Real cgl_abs(const Real& x) {
+    Real size;
+    size.part[0] = reinterpret_cast<Real::Register>(reinterpret_cast<Real::Bits>(x.part[0]) & std::numeric_limits<Real::Integer>::max());
+    return size;
+}
+
+[[gnu::always_inline]] inline cgl_truth cgl_is_within(const Real& x, const Real& limit) { return cgl_abs(x) <= limit; }
+
+[[gnu::always_inline]] inline Real cgl_clamp(const Real& x, const Real& limit) {
+    const Real zero = Number(0);
+    return select(cgl_is_within(x, limit), x, select(x > zero, limit, select(x < zero, -limit, zero)));
+}
+
+[[gnu::always_inline]] inline Real cgl_add(const Real& sum, const Real& x, const Real& limit, Real* lost) {
+    const Real term = x + *lost, result = sum + term;
+    *lost = select(cgl_is_within(result, limit), term - (result - sum), Number(0));
+    return cgl_clamp(result, limit);
+}
+
+[[gnu::always_inline]] inline cgl_truth operator&&(const cgl_truth& a, const cgl_truth& b) { return a & b; }
+[[gnu::always_inline]] inline cgl_truth operator||(bool all, const cgl_truth& each) { return all ? !cgl_truth{} : each; }
+[[gnu::always_inline]] inline cgl_truth cgl_is_in_turn(const Real& theta) { return (theta >= Number(0)) & (theta < CGL_TWO_PI); }
+
+#include "cogless/duties.h"
+#include "cogless/foc.h"
+#include "cogless/foc_parts.h"
+#include "cogless/monitor.h"
+#include "cogless/monitor_parts.h"
+#include "cogless/transform.h"
+
+template <class Wide>
+[[gnu::always_inline]] inline Wide& at(auto& numbers, std::size_t lane) {
+    return *reinterpret_cast<Wide*>(&numbers[lane]);
+}
+
+// A number of each lane's array.
+template <std::size_t... lane>
+[[gnu::always_inline]] inline Real gathered(const Number* const* of, std::size_t n, std::index_sequence<lane...>) {
+    Real all;
+    all.part[0] = Real::Register{of[lane][n]...};
+    return all;
+}
+
+// The lanes whose bits are set.
+template <std::size_t... lane>
+[[gnu::always_inline]] inline cgl_truth bits_of(std::uint32_t set, std::index_sequence<lane...>) {
+    return {((Real::Bits{} + static_cast<Real::Integer>(set)) & Real::Bits{(1 << lane)...}) != 0};
+}
+
+[[gnu::always_inline]] inline Double as_doubles(const Real& x) {
+    typedef Number Part __attribute__((vector_size(sizeof(Number) * doubles)));
+    Part part[Real::lanes / doubles];
+    std::memcpy(part, &x, sizeof x);
+    Double all;
+    for (std::size_t r = 0; r < std::size(part); ++r) all.part[r] = __builtin_convertvector(part[r], Double::Register);
+    return all;
+}
+
+[[gnu::always_inline]] inline Real as_reals(const Double& x) {
+    typedef Number Part __attribute__((vector_size(sizeof(Number) * doubles)));
+    Part part[Real::lanes / doubles];
+    for (std::size_t r = 0; r < std::size(part); ++r) part[r] = __builtin_convertvector(x.part[r], Part);
+    Real all;
+    std::memcpy(&all, part, sizeof all);
+    return all;
+}
+
+[[gnu::always_inline]] inline const Double& at(const double* numbers, std::size_t lane) {
+    return *reinterpret_cast<const Double*>(numbers + lane);
+}
+
+constexpr std::uint32_t every = (1U << Real::lanes) - 1U;
+constexpr auto each = std::make_index_sequence<Real::lanes>();
+
+// The bits of some of these lanes.
+[[gnu::always_inline]] inline std::uint32_t packed(const cgl_truth& some, const cgl_truth& of, std::uint32_t bits) {
+    return (of & !some).any() ? (of & some).packed() : bits & every;
+}
+
+// Writes a new number of these lanes, and returns the numbers before.
+[[gnu::always_inline]] inline Real take(LaneLoops::Reals& numbers, std::size_t first, const cgl_truth& lanes, const Real& next) {
+    Real& all = at<Real>(numbers, first);
+    const Real before = all;
+    all = select(lanes, next, before);
+    return before;
+}
+
+// Steps the current loops of these lanes, from `first` on, and returns those that have stepped.
+[[gnu::always_inline]] inline cgl_truth step(LaneLoops& l, std::size_t first, const cgl_foc_input& in, const cgl_truth& asked) {
+    cgl_foc foc;
+    foc.config.kp_d = at<Real>(l.kp_d, first);
+    foc.config.kp_q = at<Real>(l.kp_q, first);
+    foc.config.L_d = at<Real>(l.L_d, first);
+    foc.config.L_q = at<Real>(l.L_q, first);
+    foc.config.psi_f = at<Real>(l.psi_f, first);
+    foc.config.decoupling = l.decoupling;
+    foc.rise_d = at<Real>(l.rise_d, first);
+    foc.rise_q = at<Real>(l.rise_q, first);
+    foc.integral_d = at<Real>(l.integral_d, first);
+    foc.integral_q = at<Real>(l.integral_q, first);
+    foc.lost_d = at<Real>(l.lost_d, first);
+    foc.lost_q = at<Real>(l.lost_q, first);
+
+    const cgl_vector i = cgl_foc_currents(&in, l.two_phases, at<Real>(l.sine, first), at<Real>(l.cosine, first));
+    const cgl_vector ref = {in.i_d_ref, in.i_q_ref};
+    const cgl_vector error = {ref.d - i.d, ref.q - i.q};
+    const cgl_vector u = cgl_foc_voltage(&foc, in.omega_e, i, error);
+    const Real per_bus = Real(Number(1)) / in.u_dc, longest = cgl_foc_longest(l.two_phases);
+    const cgl_vector part = {u.d * per_bus, u.q * per_bus};
+    const cgl_truth free = (in.u_dc >= CGL_BUS_MIN) & cgl_is_within(in.u_dc, CGL_REAL_MAX) &
+                           cgl_is_shorter(ref, at<Real>(l.current_limit, first)) & cgl_is_shorter(part, longest);
+    cgl_foc_integrate(&foc, error, in.u_dc * longest);
+    Real duty[3];
+    cgl_foc_duties(part, l.two_phases, at<Real>(l.acting_sine, first), at<Real>(l.acting_cosine, first), duty);
+
+    const cgl_truth takes = asked & free;
+    take(l.integral_d, first, takes, foc.integral_d);
+    take(l.integral_q, first, takes, foc.integral_q);
+    take(l.lost_d, first, takes, foc.lost_d);
+    take(l.lost_q, first, takes, foc.lost_q);
+    const Double least = at<Double>(l.least_duty, first);
+    const cgl_truth late = at<Real>(l.delayed, first) > Real(Number(0));
+    const auto acting = as_doubles(select(takes, Real(Number(1)), Real(Number(0)))) > Double(0.0);
+    for (std::size_t n = 0; n < 3; ++n) {
+        const Real before = take(l.computed[n], first, takes, duty[n]);
+        const Double acts = as_doubles(select(late, before, duty[n]));
+        Double& all = *reinterpret_cast<Double*>(l.duty[n] + first);
+        all = select(acting, select(acts < least, Double(0.0), select(acts > 1.0 - least, Double(1.0), acts)), all);
+    }
+    const Real output[] = {duty[0], duty[1], duty[2], i.d, i.q, u.d, u.q, ref.d, ref.q};
+    for (std::size_t n = 0; n < std::size(output); ++n) take(l.output[n], first, takes, output[n]);
+    return takes;
+}
+
+[[gnu::always_inline]] inline std::uint32_t step_some(LaneLoops& l, std::size_t first, std::uint32_t lanes) {
+    const Number* const* from = l.in.of + first;
+    const auto input = [&](std::size_t n) __attribute__((always_inline)) { return gathered(from, n, each); };
+    const cgl_foc_input in = {{input(0), input(1), input(2)}, Number(0), input(4), input(5), input(6), input(7)};
+    const cgl_truth asked = bits_of(lanes, each);
+    return packed(step(l, first, in, asked), asked, lanes);
+}
+
+[[gnu::always_inline]] inline std::uint32_t step_some_quietly(LaneLoops& l, std::size_t first, std::uint32_t lanes) {
+    const Double sum = ((at(l.states[0], first) + at(l.states[1], first)) + at(l.states[2], first)) + at(l.states[3], first);
+    const Real finite = as_reals(select(magnitude(sum) <= std::numeric_limits<double>::max(), Double(1.0), Double(0.0)));
+    cgl_monitor monitor;
+    monitor.config.phases = l.monitor_phases;
+    monitor.limits.travel_square = at<Real>(l.travel_square, first);
+    monitor.limits.speed_square = at<Real>(l.speed_square, first);
+    monitor.limits.current_square = at<Real>(l.current_square, first);
+    monitor.limits.sum_square = at<Real>(l.sum_square, first);
+    const Real theta = at<Real>(l.theta_m, first), omega = at<Real>(l.omega_m, first), u_dc = at<Real>(l.u_dc, first);
+    const Real zero = Number(0);
+    const cgl_foc_input in = {{as_reals(at(l.measured[0], first)), as_reals(at(l.measured[1], first)), as_reals(at(l.measured[2], first))},
+                              zero,
+                              at<Real>(l.pole_pairs, first) * omega,
+                              u_dc,
+                              at<Real>(l.i_d_ref, first),
+                              at<Real>(l.i_q_ref, first)};
+    const Real d = theta - at<Real>(l.theta_sensor, first);
+    const cgl_truth stands = (d <= zero) & (d >= zero);
+    const Real turned = at<Real>(l.ref_turned, first) + at<Real>(l.omega_ref, first) * at<Real>(l.period, first);
+    const Real ref_turned = select(stands, turned, zero);
+    const cgl_truth asked = bits_of(lanes, each);
+    cgl_truth ordinary = asked & (finite > zero) & cgl_is_rotor_ordinary(&monitor, theta, d, omega) &
+                         (ref_turned * ref_turned <= at<Real>(l.doubt_square, first));
+    if (l.monitor_phases != 0U) ordinary = ordinary & cgl_are_currents_ordinary(&monitor, in.i_abc, u_dc);
+    const cgl_truth takes = step(l, first, in, ordinary);
+    take(l.theta_sensor, first, takes, theta);
+    take(l.ref_turned, first, takes, ref_turned);
+    return packed(takes, asked, lanes);
+}
+
+[[gnu::always_inline]] inline std::uint32_t watch_some(LaneLoops& l, std::size_t first, const double* theta_m, std::uint32_t lanes) {
+    const Double theta = at(theta_m, first), steps = theta / at<Double>(l.angle_step, first), count = at<Double>(l.count, first);
+    const Real same = as_reals(select((steps >= count) & (steps < count + 1.0), Double(1.0), Double(0.0)));
+    const cgl_truth asked = bits_of(lanes, each), stays = asked & (same > Real(Number(0)));
+    const std::uint32_t bits = packed(stays, asked, lanes);
+    if (bits == (lanes & every)) {
+        at<Double>(l.theta_before, first) = theta;
+    } else {
+        for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
+            if ((bits >> lane & 1U) != 0U) l.theta_before[first + lane] = theta[lane];
+        }
+    }
+    return bits;
+}
+
+// Calls f(first, lanes) for the lanes of one register after the other.
+template <class F>
+[[gnu::always_inline]] inline std::uint32_t registers(std::uint32_t lanes, const F& f) {
+    std::uint32_t done = 0;
+    for (std::size_t first = 0; first < Lanes::lanes; first += Real::lanes) done |= f(first, lanes >> first) << first;
+    return done;
+}
+
+}  // namespace
+
+template <>
+std::uint32_t step_loops<Lanes>(LaneLoops& loops, std::uint32_t lanes) {
+    return registers(lanes, [&](std::size_t first, std::uint32_t some)
+                                __attribute__((always_inline)) { return step_some(loops, first, some); });
+}
+
+template <>
+std::uint32_t step_quietly<Lanes>(LaneLoops& loops, std::uint32_t lanes) {
+    return registers(lanes, [&](std::size_t first, std::uint32_t some)
+                                __attribute__((always_inline)) { return step_some_quietly(loops, first, some); });
+}
+
+template <>
+std::uint32_t watch<Lanes>(LaneLoops& loops, const double* theta_m, std::uint32_t lanes) {
+    return registers(lanes, [&](std::size_t first, std::uint32_t some)
+                                __attribute__((always_inline)) { return watch_some(loops, first, theta_m, some); });
+}
+
+}  // namespace cogless
