@@ -430,7 +430,7 @@ def test_stored_lengths_and_steps_are_those_of_the_guide() -> None:
     map_of_guide = "for a map with one channel, 1024 cells and a write size of 8 bytes"
     assert f"{stored} bytes {map_of_guide}" in " ".join(guide.split())
     for length, words in (
-        (32, "about {} calls with a `buffer` of 32 bytes"),
+        (32, "about {} calls of `cgl_map_store_step` with a `buffer` of 32 bytes"),
         (256, "about {} with 256 bytes"),
     ):
         buffer = c.ffi.new("uint8_t[]", length)

@@ -32,7 +32,7 @@ def test_the_example_learns_as_the_guide_says(axis: Path) -> None:
     assert isinstance(study, TrialStudy)
     certificate = summary(study).designs["ilc"].certificate
     assert certificate.exact is not None
-    told = re.search(r"row `exact, decides` of `ilc` the certificate says `contracting` at (\S+) with", PROSE)
+    told = re.search(r"For the controller `ilc` the bound is (\S+) with the filter", PROSE)
     assert told is not None
     model = certificate.exact
     assert model.with_filter is not None and model.with_filter.contracting
