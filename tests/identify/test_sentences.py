@@ -949,7 +949,7 @@ def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
         ("time", "omega_measured"), ("s", "rad/s"), np.column_stack([fine, 5 + 0.5 * np.sin(TURN * fine)])
     )
     page = identified._overlay(measured, trace, "omega", "omega_measured")
-    title = "one.csv: omega (rad/s), 1 s; standard deviation, simulated / measured: 0.50"
+    title = "one.csv: 1 s of omega (rad/s). Standard deviation, simulated / measured: 0.50"
     assert f"<header>{title}</header>" in page and f'aria-label="{title}"' in page
     lines = curves(page)
     assert [colour for colour, _ in lines] == ["c0", "c2"]
