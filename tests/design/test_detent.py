@@ -246,8 +246,8 @@ def test_after_a_run_it_is_said_whether_the_rotor_stopped(tmp_path: Path, rpm: f
 @pytest.mark.parametrize(
     ("rpm", "remark"),
     [
-        (30, "did not hold the speed; error 80 % of the speed; up to 71 % counts as held"),
-        (34, "baseline; error 67 % of the speed; up to 71 % counts as held"),
+        (30, "did not hold the speed; its error is 80 % of the speed; up to 71 % counts as held"),
+        (34, "baseline; its error is 67 % of the speed; up to 71 % counts as held"),
         (42, "baseline"),
     ],
 )

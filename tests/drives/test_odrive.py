@@ -97,7 +97,9 @@ def test_its_own_law_tells_how_late_its_currents_are(
         code, out, err = cogless(capsys, *command)
         assert (code, err) == (0, "")
         assert ("could not be simulated" in out, "Not simulated: " in out) == (False, not options)
-        rule = "needs its reference (logs.toml of identify --plan --drive odrive, given with --config)"
+        rule = (
+            "needs its reference (from logs.toml of identify --plan --drive odrive: give --config logs.toml)"
+        )
         assert (rule in out) == (not options) and "[[log]]" not in out
         delays.append(json.loads((tmp_path / "found" / "identified.json").read_text())["values"]["delay"])
     for delay in delays:  # The logs alone tell it as well: rows are 2 ms apart, the true one is 0.

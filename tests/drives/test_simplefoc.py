@@ -202,7 +202,7 @@ def test_what_the_library_prints_at_its_start_is_left_out(
     start = "MOT: Monitor enabled!\r\nMOT: sensor_direction==CCW\r\nMOT: Zero elec. angle: 3.21\r\n"
     log.write_text(start + (logs / "slow.txt").read_text())
     prepared = prepare([log], None, config, None)
-    assert "log.txt: its first lines are those of SimpleFOC, lines of its monitor" in prepared.remarks[0]
+    assert "log.txt: its first lines are those of SimpleFOC, the output of its monitor" in prepared.remarks[0]
     rows = [line.split("\t") for line in log.read_text().splitlines() if line.count("\t") == 3]
     volts = (f"{a}\t{1e-3 * float(b):.4f}\t{c}\t{d}" for a, b, c, d in rows)
     log.write_text("\n".join(volts) + "\n")

@@ -99,7 +99,7 @@ def test_inertia_and_friction_come_out(
     assert "its first lines are those of VESC, a log of real-time data" in out
     assert "50 rows a second of mean currents, at " in out
     assert ("so the phase of an order on the rotor is unknown" in out) == (not encoder)
-    assert "needs its reference in the file given with --config and its controller, since cogless has" in out
+    assert "needs its reference in the --config file and its controller, since cogless has" in out
     values = json.loads((folder / "identified.json").read_text())["values"]
     assert values["j"]["value"] == pytest.approx(PLANT.inertia / PLANT.K_t, rel=0.02)
     assert values["c"]["value"] == pytest.approx(PLANT.coulomb / PLANT.K_t, rel=0.05)

@@ -433,10 +433,11 @@ def test_the_outcome_is_told_with_what_it_was(usual: tuning.Tuned) -> None:
 
     first = 'controller.pi.kp = "0.02 A/rpm"  # was "0.015 A/rpm"'
     worth = "of the value before, over 16 fresh variants"
-    assert told(tuning.Score(0, 1.0), tuning.Score(0, 0.876)) == [f"pi: 87.6 % {worth}", first]
+    assert told(tuning.Score(0, 1.0), tuning.Score(0, 0.876)) == [f"pi: now 87.6 % {worth}", first]
     assert told(tuning.Score(0.5, 1.0), tuning.Score(0.25, 0.9))[0] == (
-        f"pi: 90.0 % {worth}; beyond the limits by 50.0 % before, 25.0 % now (sum, in % of each limit)"
+        f"pi: now 90.0 % {worth}; it was beyond the limits by 50.0 %, and is now by 25.0 % "
+        "(sum, in % of each limit)"
     )
     assert told(tuning.Score(0, 1.0), tuning.Score(0, 1.0))[0] == (
-        f"pi: 100.0 % {worth}; not better, so the values stay as they were"
+        f"pi: now 100.0 % {worth}; this is not better, so the values stay as they were"
     )

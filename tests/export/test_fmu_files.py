@@ -266,10 +266,11 @@ def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
     told = {
         v.name: (v.causality, v.kind, v.unit, v.description) for v in variables if v.causality != "output"
     }
-    what = "input.i_q_ref" if ideal else "the duty inputs"
-    of_current = ("input", "real", "A", "q-axis current; counts where external_control is true")
+    what = "input.i_q_ref acts" if ideal else "the duty inputs act"
+    of_current = ("input", "real", "A", "q-axis current reference; it acts only if external_control is true")
     open_ = (
-        "true: all switches are off and the duties have no effect; connect bit 1024 of a controller's status"
+        "if true, all switches are off and the duty inputs have no effect; "
+        "connect bit 1024 of the status of a controller"
     )
     duty = ("input", "real", "1", "duty cycle, 0 to 1")
     own = {"input.i_q_ref": of_current} if ideal else {
@@ -278,14 +279,17 @@ def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
     assert told == {
         "time": ("independent", "real", "s", "time since the start of the simulation"),
         "external_control": (
-            "parameter", "boolean", "", f"true: {what} act at once, in place of the study's controller"
+            "parameter", "boolean", "", f"if true, {what} at once, in place of the study's controller"
         ),
         "external_reference": (
-            "parameter", "boolean", "", "true: the reference is that of the inputs, not the scenario's"
+            "parameter", "boolean", "",
+            "if true, inputs such as input.omega_ref give the reference, not the scenario",
         ),
-        "tau_load_added": ("input", "real", "N*m", "load torque in addition to that of the scenario"),
+        "tau_load_added": ("input", "real", "N*m", "load torque that is added to that of the scenario"),
         **own,
-        "input.omega_ref": ("input", "real", "rad/s", "counts where external_reference is true"),
+        "input.omega_ref": (
+            "input", "real", "rad/s", "mechanical speed reference; it acts only if external_reference is true"
+        ),
     }  # fmt: skip
     names = [v.name for v in variables if v.causality == "output"]
     voltages = [] if ideal else ["measured.i_a", "measured.i_b"]

@@ -334,5 +334,6 @@ def test_a_log_that_only_accelerates_is_said_to_have_no_line(tmp_path):
     made = diagnose(tmp_path, text, {name: logs[name] for name in ("slow", "sweep")})
     assert "sweep.npz" not in made.whole
     assert made.uses == {
-        "sweep.npz": "no turn at a steady speed: used for inertia, friction and orders, not for shares"
+        "sweep.npz": "the log has no turn at a steady speed, so it is used for inertia, friction and "
+        "orders, not for shares"
     }

@@ -217,10 +217,10 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert (traces, found.values) == ({"a": "trace"}, made.values)
     assert found.remarks == (
         "First.",
-        f"Not simulated: b. {replay.UNCORRECTED} To be simulated, a log needs its reference and controller "
-        "(a [[log]] in the file given with --config). The rate of the current loop must be a multiple of "
-        "that of the log's rows, and no cogging table may have been on. Add what is missing, or leave the "
-        "log out.",
+        f"Not simulated: b. {replay.UNCORRECTED} To be simulated, a log needs a table [[log]] in the "
+        "--config file that names its reference and controller. The rate of the current loop must be a "
+        "multiple of that of the log's rows, and no cogging table may have been on. Add what is missing, "
+        "or leave the log out.",
     )
     steps["traces"] = {}  # none is left that could stand alone
     found, traces = replay.refined(made, lambda *of: None)

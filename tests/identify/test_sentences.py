@@ -661,12 +661,13 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
 def test_every_log_without_a_steady_part_says_what_it_is_used_for() -> None:
     logs = [turning(1.0), log("still.csv", dt=0.0), log("off.csv", "bridge-off"), log("poor.csv", omega=1.0)]
     assert diagnosis._uses(logs, {"one.csv"}, set()) == {
-        "still.csv": "the rotor is held: used for the cogging",
-        "off.csv": "the bridge is off: used for the offsets of the phase currents",
-        "poor.csv": "no turn at a steady speed, and no known torques: not used",
+        "still.csv": "the rotor is held, so the log is used for the cogging",
+        "off.csv": "the bridge is off, so the log is used only for the offsets of the phase currents",
+        "poor.csv": "the log is not used: it has neither a turn at a steady speed nor known torques",
     }
     assert diagnosis._uses(logs[:1], set(), {"one.csv"}) == {
-        "one.csv": "no turn at a steady speed: used for inertia, friction and orders, not for shares"
+        "one.csv": "the log has no turn at a steady speed, so it is used for inertia, friction and "
+        "orders, not for shares"
     }
 
 
@@ -948,7 +949,7 @@ def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
         ("time", "omega_measured"), ("s", "rad/s"), np.column_stack([fine, 5 + 0.5 * np.sin(TURN * fine)])
     )
     page = identified._overlay(measured, trace, "omega", "omega_measured")
-    title = "one.csv: omega (rad/s), 1 s; standard deviation, simulated / measured: 0.50"
+    title = "one.csv: 1 s of omega (rad/s). Standard deviation, simulated / measured: 0.50"
     assert f"<header>{title}</header>" in page and f'aria-label="{title}"' in page
     lines = curves(page)
     assert [colour for colour, _ in lines] == ["c0", "c2"]

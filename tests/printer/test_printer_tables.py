@@ -164,8 +164,8 @@ def test_a_wrong_correction_is_one_line(
         (["--spacing", ".4 mm", "--speed", "50 mm/s", "--pulley", "20", "--step-angle", "1.8"], "order 2", 2),
         (["--spacing", "0.1", "--speed", "50", "--step-angle", "0.9"], "order 4", 4),
         (["--spacing", "0.283", "--speed", "50", "--diagonal"], "order 2", 2),
-        (["--spacing", "2", "--speed", "100"], "Belt tooth", 0),
-        (["--spacing", "40", "--speed", "100"], "Pulley", 0),
+        (["--spacing", "2", "--speed", "100"], "Teeth of the belt", 0),
+        (["--spacing", "40", "--speed", "100"], "Eccentric pulley", 0),
         (["--spacing", "0.6", "--speed", "30"], "Ringing at 50 Hz", 0),
     ],
 )

@@ -16,7 +16,7 @@ RPM = np.pi / 30
 FAULT = Fault(2.0, 2.5, ("sensor stuck",))
 USUAL = Response(FAULT, (), None, 0.0, None, 0.0, (1.0, 1.99), (3.0, 3.99), RPM, RPM, 2 * RPM, 2.0, 4.0)
 
-USUALLY, MORE = "Afterwards the ripple is about as before", "Afterwards there is more ripple"
+USUALLY, MORE = "Afterwards the ripple is about the same as before", "Afterwards there is more ripple"
 BEYOND = "The current exceeds its limit: pi"
 
 
@@ -44,7 +44,7 @@ def at(time, *words):
 def test_up_to_three_faults_are_told_and_the_others_are_counted(told):
     one = room.account(told, [run_of(USUAL)])
     assert (one.scenario, one.headline) == (
-        "faulty", "2 s: sensor stuck for 0.5 s. Afterwards the ripple is about as before."
+        "faulty", "2 s: sensor stuck for 0.5 s. Afterwards the ripple is about the same as before."
     )  # fmt: skip
     assert [(part.heading, len(part.sentences)) for part in one.paragraphs] == [("", 1)]
     many = [at(0.5, "a"), at(1.5, "b", "c"), at(2.5), at(3.5), at(4.5)]
@@ -103,7 +103,7 @@ def test_a_speed_that_is_lost_is_told_of_each_controller_and_its_ripple_is_not(t
 def test_the_ripple_is_compared_with_that_of_a_run_without_the_fault_if_there_is_one(told, monkeypatch):
     monkeypatch.setattr(room, "_twin", lambda *_: SimpleNamespace(trace=None))
     monkeypatch.setattr(room, "ripple", lambda trace, span: 2 * RPM if span == USUAL.after else None)
-    about = "Afterwards the ripple is about as without the fault."
+    about = "Afterwards the ripple is about the same as without the fault."
     assert room._outcome(told, [run_of(replace(USUAL, ripple_after=2.4 * RPM))]) == ("better", about)
     more = "Afterwards there is more ripple than without the fault: pi 1.50 times."
     assert room._outcome(told, [run_of(replace(USUAL, ripple_after=3 * RPM))]) == ("even", more)

@@ -72,7 +72,7 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
     found = verdict_on(made)
     assert found.headline == (
         "0.3 s: position sensor gives no number for 20 ms. "
-        "Afterwards the ripple is about as without the fault."
+        "Afterwards the ripple is about the same as without the fault."
     )
     (told,) = found.paragraphs
     said = dict(told.sentences)
@@ -95,7 +95,7 @@ def test_nothing_broken_nothing_said(made):
 
 def test_without_a_like_scenario_the_ripple_before_is_the_measure(made):
     alone = without_twin(made)
-    assert verdict_on(alone).headline.endswith("Afterwards the ripple is about as before.")
+    assert verdict_on(alone).headline.endswith("Afterwards the ripple is about the same as before.")
     assert "without the fault" not in dict(verdict_on(alone).paragraphs[0].sentences)["pi"]
     usual = alone.runs[0].faults[0].ripple_before
     assert (

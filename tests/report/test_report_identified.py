@@ -37,7 +37,7 @@ def test_a_replay_of_many_rows_is_drawn_with_fewer_points():
         assert line[:, 0] == pytest.approx(np.linspace(svg.LEFT_EDGE, right, 1001)[:-1], abs=0.06)
         high = svg.LOW_EDGE - svg.TOP_EDGE
         assert line[:, 1] == pytest.approx(svg.LOW_EDGE - high * x[::3], abs=0.06)
-    assert "one.csv: i_q (A), 1 s; standard deviation, simulated / measured: 1.00" in page
+    assert "one.csv: 1 s of i_q (A). Standard deviation, simulated / measured: 1.00" in page
     still = identified._overlay(log_of(20, 0.1, i_q=0.0), trace_of(20, 0.1, i_q=np.zeros(20)), "i_q", "i_q")
     assert "simulated / measured: nan" in still
     assert {y for _, line in curves(still) for y in line[:, 1]} == {svg.LOW_EDGE}

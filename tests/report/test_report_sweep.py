@@ -289,11 +289,11 @@ def test_the_answer_is_told_line_by_line(tmp_path: Path) -> None:
     worst = int(np.argmax(sweep.values[:, 0, 0]))
     all_keep = "low: Ripple keeps its limit in this share of 100 variants: pi-ilc 100 % and pi 75.0 %."
     of_pi = (
-        "    pi: 75.0 % keep the limit (95 % confidence: 65.7 % to 82.5 %); half at 2.00 rpm or better, 95 % "
-        "at "
+        "    pi: 75.0 % keep the limit (95 % confidence: 65.7 % to 82.5 %); half are at 2.00 rpm or better, "
+        "95 % at "
         f"3.80 rpm; worst 4.00 rpm (variant {worst})"
     )
-    rest = f"half at 1.00 rpm or better, 95 % at 1.90 rpm; worst 2.00 rpm (variant {worst})"
+    rest = f"half are at 1.00 rpm or better, 95 % at 1.90 rpm; worst 2.00 rpm (variant {worst})"
     told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
     assert told[:3] == [all_keep, "  ripple, at most 3.00 rpm", of_pi] and len(told) == 4
     kept = "    pi-ilc: 100 % keep the limit (95 % confidence: 96.3 % to "
@@ -361,7 +361,7 @@ def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:
     assert told[0].endswith("of 100 variants: pi 26.0 % and pi-ilc 0 %.")
     assert told[1] == "  ripple, at least 3.00 rpm"
     assert told[2].endswith(
-        f"half at 2.04 rpm or better, 95 % at 0.240 rpm; worst 0.0400 rpm (variant {worst})"
+        f"half are at 2.04 rpm or better, 95 % at 0.240 rpm; worst 0.0400 rpm (variant {worst})"
     )
     sweep.values[np.argsort(sweep.values[:, 0, 0])[1], 0, 0] = np.nan  # of 0.08 rpm
     text = page(sweep, tmp_path)

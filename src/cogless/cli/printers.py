@@ -219,5 +219,5 @@ def stripe(
     if len(causes) > 1:
         print(
             "Print the part at half the speed. If the spacing stays, the cause is the motor or the belt; "
-            "if it halves, ringing."
+            "if it halves, the cause is ringing."
         )

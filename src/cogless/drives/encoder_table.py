@@ -86,7 +86,7 @@ def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
     return TableText(
         "\n".join(lines) + "\n",
         MOTEUS_POINTS,
-        f"{360 * scale / MOTEUS_STEPS:.3g} deg a step, -127 to 127",
+        f"each a whole number from -127 to 127, in steps of {360 * scale / MOTEUS_STEPS:.3g} deg",
         applied,
         install="moteus_tool -t 1 --restore-config FILE",
         remove=f'in tview: "conf set {prefix}.compensation_scale 0", then "conf write"',
@@ -126,7 +126,7 @@ def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
     return TableText(
         SIMPLEFOC_TEXT.format(count=count, entries=array(entries, "f")),
         count,
-        "float, rad",
+        "each a float in rad",
         applied,
         install="copy FILE into the sketch, #include it, and wrap the sensor as its first lines say",
         remove="link the sensor itself: motor.linkSensor(&sensor)",
@@ -166,10 +166,10 @@ def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
     return TableText(
         "\n".join(lines) + "\n",
         VESC_CELLS,
-        f"1 deg electrical a step, {360 / VESC_CELLS / frame.pole_pairs:.3g} deg of the encoder",
+        f"in steps of 1 deg electrical ({360 / VESC_CELLS / frame.pole_pairs:.3g} deg of the encoder)",
         applied,
         install="run FILE in VESC Tool's LispBM page; a shutdown or reboot by VESC Tool stores it",
-        remove="(enc-corr-en 0) there",
+        remove="run (enc-corr-en 0) in the LispBM page",
         sign_check="at a steady speed and load, the mean of q_axis_current falls when the table is switched "
         "on; with the wrong sign it grows. If the encoder's error is 8 deg electrical rms, it falls by about "
         "1 %, or grows by about 3 %",

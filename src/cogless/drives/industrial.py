@@ -31,10 +31,10 @@ def write_akd(current: HoldingCurrent, frame: TableFrame) -> TableText:
     return TableText(
         "".join(f"{value:.5g}\n" for value in values),
         AKD_ENTRIES,
-        "peak A, one a line",
+        "one a line, each a current in peak A",
         applied,
-        install="disable the drive, import FILE in WorkBench's cogging compensation, then COGCOMP.EN 1",
-        remove="COGCOMP.EN 0",
+        install="disable the drive, import FILE in WorkBench's cogging compensation, then send COGCOMP.EN 1",
+        remove="send COGCOMP.EN 0",
         sign_check="import 30 % of the table, then -30 %, each at a slow speed: the ripple falls with the "
         "first and grows with the second",
         notes=(
@@ -81,10 +81,10 @@ def write_ax8000(current: HoldingCurrent, frame: TableFrame) -> TableText:
     return TableText(
         "\n".join(lines) + "\n",
         len(chosen),
-        "orders with phase in degrees and torque in N m",
+        "each an order with its phase in degrees and torque in N*m",
         applied,
         install=f"put the lines of FILE into the startup list of object 0x{AX8000_OBJECT:X}",
-        remove=f"0x{AX8000_OBJECT:X}:01 = 4",
+        remove=f"set 0x{AX8000_OBJECT:X}:01 to 4",
         sign_check="one order at a time, at a slow speed: set the table's gain :02 to 0.3, then add 0, 90, "
         "180 and 270 deg to the order's phase; the phase that leaves the least ripple of this order is right",
         notes=(

@@ -388,7 +388,7 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     return TableText(
         "\n".join(lines) + "\n",
         MOTEUS_ENTRIES,
-        f"{scale:.4g} A a step, -127 to 127",
+        f"each a whole number from -127 to 127, in steps of {scale:.4g} A",
         lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
         install="moteus_tool -t 1 --restore-config FILE",
         remove='in tview: "conf set motor.cogging_dq_scale 0", then "conf write"',
@@ -441,7 +441,7 @@ MOTEUS = Adapter(
     ),
     writes=(
         Feature("cogging table: lines for moteus_tool --restore-config", Certainty.SOURCE),
-        Feature("encoder table (table --encoder): lines for it, too", Certainty.SOURCE),
+        Feature("encoder table (table --encoder): lines for moteus_tool, too", Certainty.SOURCE),
         Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
     ),
     recognise=recognise,

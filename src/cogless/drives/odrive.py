@@ -312,7 +312,7 @@ ODRIVE = Adapter(
             "firmware 0.6: NPZ or CSV of a high-rate capture; headings timestamps, axis0.pos_estimate, ...",
             Certainty.DRIVE,
         ),
-        Feature("firmware 0.5: the map by get_anticogging_value, as a table", Certainty.SOURCE),
+        Feature("firmware 0.5: the map that get_anticogging_value returns, as a table", Certainty.SOURCE),
         Feature("odrivetool backup-config: motor and drive", Certainty.DRIVE),
     ),
     writes=(

@@ -31,11 +31,11 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     return TableText(
         "\n".join([f"{ANGLE_HEADING},{CURRENT_HEADING}", *rows]) + "\n",
         count,
-        "peak A that hold the rotor, over mechanical degrees",
+        "each the current (peak A) that holds the rotor at a mechanical angle (deg)",
         applied,
         install='start = { table = "FILE", sign = "holding" } in a controller of a study; in firmware, add '
         "this current to i_q_ref",
-        remove="remove that line",
+        remove="delete that line",
         sign_check="add 30 % of the table, then -30 %, each at a slow speed: the ripple falls with the first "
         "and grows with the second",
     )

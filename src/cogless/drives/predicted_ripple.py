@@ -54,7 +54,7 @@ def study_tables(folder: Path, frame: TableFrame, table: TableText, law: str) ->
         speed: max(RIPPLE_TIME_LEAST, RIPPLE_TURNS * math.tau / (speed * RPM)) for speed in RIPPLE_SPEEDS
     }
     return {
-        "title": f"{identified['title']}: its own law with and without the table",
+        "title": f"{identified['title']}: ripple under the drive's own law, with and without table",
         "motor": {key: value for key, value in identified["motor"].items() if key != "datasheet"},
         "mechanics": identified["mechanics"],
         "drive": identified["drive"],

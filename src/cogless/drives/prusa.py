@@ -230,7 +230,7 @@ def write_m973(correction: Correction) -> CorrectionText:
         share,
         _holds(share, largest),
         install="send FILE to the printer after each start; its M973 sets a table and stores nothing",
-        remove=f"M973 {letter}F0,0 and M973 {letter}B0,0",
+        remove=f"send M973 {letter}F0,0 and M973 {letter}B0,0",
     )
 
 
@@ -250,7 +250,7 @@ def write_m971(correction: Correction) -> CorrectionText:
         _holds(share, largest),
         install="first send M971 alone, and save the printer's answer, which is its present table; then send "
         "FILE once: the printer stores the new table",
-        remove=f"M970 {letter}0 (phase stepping off), M971 {letter} F B R (reset both tables), M970 "
+        remove=f"send M970 {letter}0 (phase stepping off), M971 {letter} F B R (reset both tables), M970 "
         f"{letter}1 (phase stepping on); or run the printer's own calibration",
     )
 

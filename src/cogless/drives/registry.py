@@ -273,9 +273,10 @@ def _replay_rule(adapter: Adapter, logs: DriveLogs) -> str:
     law = "its controller, since cogless has no model of the drive's own law"
     if adapter.law:
         law = "the gains of its law in the configuration" if not logs.frame.gains else ""
-    rule = "its reference in the file given with --config"
+    rule = "its reference in the --config file"
     if adapter.write_script is not None:
-        rule = f"its reference ({LOGS_NAME} of identify --plan --drive {adapter.name}, given with --config)"
+        plan = f"identify --plan --drive {adapter.name}"
+        rule = f"its reference (from {LOGS_NAME} of {plan}: give --config {LOGS_NAME})"
     return f"{rule} and {law}" if law else rule
 
 

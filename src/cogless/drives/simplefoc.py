@@ -76,7 +76,7 @@ def recognise(first: Sequence[str]) -> str:
     printed = [line for line in first if line.strip() and not START_LINE.match(line)]
     lines = printed[:RECOGNISED_LINES]
     if len(lines) > 1 and all(MONITOR_LINE.fullmatch(line.strip()) for line in lines):
-        return "lines of its monitor (numbers between tabs, no heading)"
+        return "the output of its monitor (numbers between tabs, no heading)"
     return ""
 
 

@@ -243,7 +243,9 @@ VESC = Adapter(
         Feature("the motor configuration as XML: motor and drive", Certainty.DRIVE),
     ),
     writes=(
-        Feature("--encoder: its encoder correction, whole electrical degrees, in Lisp", Certainty.DRIVE),
+        Feature(
+            "table --encoder: its encoder correction in whole electrical degrees, as Lisp", Certainty.DRIVE
+        ),
     ),
     recognise=recognise,
     read_logs=read_logs,

@@ -186,7 +186,11 @@ def _chip(name: str) -> Adapter:
         name=name,
         title=f"{name.upper()} under Klipper",
         reads=(),
-        writes=(Feature("the wave table, as lines of printer.cfg; order 4's sine alone", Certainty.MANUAL),),
+        writes=(
+            Feature(
+                "the wave table, as lines of printer.cfg: holds only the sine of order 4", Certainty.MANUAL
+            ),
+        ),
         write_correction=writer,
     )
 

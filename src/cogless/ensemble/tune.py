@@ -283,14 +283,14 @@ def outcome_lines(tuned: Tuned) -> list[str]:
         for knob in tuned.subject.knobs
     ]
     count = tuned.sweep_after.ensemble.count
-    worth = f"{name}: {100 * after.value:.1f} % of the value before, over {count} fresh variants"
+    worth = f"{name}: now {100 * after.value:.1f} % of the value before, over {count} fresh variants"
     if before.violation or after.violation:
         worth += (
-            f"; beyond the limits by {100 * before.violation:.1f} % before, {100 * after.violation:.1f} % "
-            "now (sum, in % of each limit)"
+            f"; it was beyond the limits by {100 * before.violation:.1f} %, and is now by "
+            f"{100 * after.violation:.1f} % (sum, in % of each limit)"
         )
     if not tuned.adopted:
-        worth += "; not better, so the values stay as they were"
+        worth += "; this is not better, so the values stay as they were"
     return [worth, *changes]
 
 

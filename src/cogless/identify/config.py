@@ -94,7 +94,7 @@ class LogRule(Table):
     controller: str | None = None  # one of the file's
 
 
-COLUMNS_REPLAY_RULE = "its reference and controller (a [[log]] in the file given with --config)"
+COLUMNS_REPLAY_RULE = "a table [[log]] in the --config file that names its reference and controller"
 
 
 class Identification(Table):

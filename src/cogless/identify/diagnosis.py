@@ -216,15 +216,18 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
         if log.name in steady_logs:
             continue
         if log.kind == "bridge-off":
-            uses[log.name] = "the bridge is off: used for the offsets of the phase currents"
+            uses[log.name] = (
+                "the bridge is off, so the log is used only for the offsets of the phase currents"
+            )
         elif not log.dt:
-            uses[log.name] = "the rotor is held: used for the cogging"
+            uses[log.name] = "the rotor is held, so the log is used for the cogging"
         elif log.name in explained:
             uses[log.name] = (
-                "no turn at a steady speed: used for inertia, friction and orders, not for shares"
+                "the log has no turn at a steady speed, so it is used for inertia, friction and "
+                "orders, not for shares"
             )
         else:
-            uses[log.name] = "no turn at a steady speed, and no known torques: not used"
+            uses[log.name] = "the log is not used: it has neither a turn at a steady speed nor known torques"
     return uses
 
 

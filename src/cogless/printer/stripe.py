@@ -62,12 +62,12 @@ def stripe_causes(
         Cause(
             "tooth",
             belt_pitch * share / k,
-            f"belt tooth{'' if k == 1 else f', its harmonic {k}'}: no correction of the motor helps",
+            f"teeth of the belt{'' if k == 1 else f' (harmonic {k})'}: no correction of the motor helps",
         )
         for k in TOOTH_HARMONICS
     ]
     candidates.append(
-        Cause("pulley", turn, "pulley, once a turn: it is eccentric; no correction of the motor helps")
+        Cause("pulley", turn, "eccentric pulley, one stripe a turn: no correction of the motor helps")
     )
     near = [cause for cause in candidates if abs(cause.spacing / spacing - 1) <= STRIPE_TOLERANCE]
     near.sort(key=lambda cause: abs(cause.spacing / spacing - 1))

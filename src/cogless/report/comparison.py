@@ -161,8 +161,8 @@ class Line:
         if controller not in self.uneven:
             return ""
         return (
-            f"error {100 * self.uneven[controller]:.0f} % of the speed; up to {100 * JERKS_RATIO:.0f} % "
-            "counts as held"
+            f"its error is {100 * self.uneven[controller]:.0f} % of the speed; up to "
+            f"{100 * JERKS_RATIO:.0f} % counts as held"
         )
 
     @property

@@ -111,7 +111,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     ]
     if sentences:
         return "worse" if over or lost else "even", " ".join(sentences)
-    usual = f"Afterwards the ripple is about as {'without the fault' if twin else 'before'}"
+    usual = f"Afterwards the ripple is about the same as {'without the fault' if twin else 'before'}"
     if judged == cases:
         return "better", f"{usual}."
     return "even", f"{usual}, where this can be judged." if judged else ""

@@ -131,7 +131,7 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     time = log.dt * np.arange(count)[every]
     drawn = [axes.line(time, v[every], colour) for v, colour in ((x, "--c0"), (y, "--c2"))]
     ratio = float(np.std(y) / np.std(x)) if np.std(x) else float("nan")
-    title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation, simulated / measured: {ratio:.2f}"
+    title = f"{log.name}: 1 s of {measured} ({unit}). Standard deviation, simulated / measured: {ratio:.2f}"
     return axes.panel(title, *drawn)
 
 

@@ -148,7 +148,8 @@ def _sentence(spread: Spread) -> str:
         )
     column = spread.column
     parts.append(
-        f"half at {_value_text(column, spread.median)} or better, 95 % at {_value_text(column, spread.edge)}"
+        f"half are at {_value_text(column, spread.median)} or better, 95 % at "
+        f"{_value_text(column, spread.edge)}"
     )
     parts.append(f"worst {_value_text(column, spread.worst_value)} (variant {spread.worst})")
     return "; ".join(parts)

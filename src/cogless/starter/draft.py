@@ -303,7 +303,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     voltage = _voltage(request, motor, drive)
     speed = _speed(request, motor, sensor, voltage.typical)
     if faster is not None:
-        speed = faster, "the slowest at which the rotor does not snap from detent to detent"
+        speed = faster, "the slowest speed at which the rotor does not snap from detent to detent"
     current_rate = _drive(sheet, request, motor, drive, voltage, fit)
     put_sensor(sheet, request, sensor, drive, observer=fit.observer, tried=fit.tried_method)
     sheet.doubts += reading_doubt(request, sensor, current_rate)
@@ -462,7 +462,9 @@ def _drive(
         stated = flag in request.numbers or "current-rate" in request.numbers
         section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
     if fit.steps > 1:
-        section.put("integration_steps", fit.steps, note="enough at both ends of the guessed ranges, too")
+        section.put(
+            "integration_steps", fit.steps, note="so many are enough at both ends of the guessed ranges, too"
+        )
 
     section = sheet.section("[drive.current_loop]")
     bandwidth = current_rate * BANDWIDTH_SHARE
@@ -620,7 +622,7 @@ def _controllers(sheet: Sheet, feedbacks: Feedbacks, base: tuple[int, str] | Non
     for name, section in (("pi", pi), ("harmonic", learner)):
         if name in feedbacks:
             kp, ki = feedbacks[name]
-            section.put("kp", kp, "slower than by the rule, since the sensor's edges come rarely")
+            section.put("kp", kp, "for a slower loop than by the rule, since the sensor's edges come rarely")
             section.put("ki", ki)
         else:
             section.put_text("tuning", rules[name])

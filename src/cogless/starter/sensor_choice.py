@@ -33,7 +33,7 @@ OBSERVER_ROUNDS = 6  # rounds of the search for a bandwidth
 FIRST_SHARE = 1 / 20  # bandwidth at which the search begins / rate of the speed loop
 SLOWEST_OBSERVER = 2.0  # Hz, bandwidth that is allowed even where counts come slowly
 BY_RULE = "three times the speed loop's crossover, or less if counts come too rarely"
-TRIED = "chosen by runs: with it harmonic leaves less ripple"
+TRIED = "chosen by runs: with this value harmonic leaves less ripple"
 UNFITTED_BANDWIDTH = "100 Hz"  # bandwidth in the study that fit_observer is given
 
 
@@ -119,7 +119,7 @@ def _hall(sheet: Sheet, section: Section, sensor: Part) -> None:
     figure = sensor["placement"]
     text = span(figure.low, figure.high, units.ANGLE)
     section.put("placement", _placement(figure.typical), f"guess: {text}; {figure.reason}")
-    section.put("edges", 6, note="an electrical revolution, over which the placement errors cancel")
+    section.put("edges", 6, note="those of an electrical revolution, over which the placement errors cancel")
     variants = {
         amount(end, units.ANGLE): {f"{PATH}.placement": _placement(end)} for end in (figure.low, figure.high)
     }

@@ -171,7 +171,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
             step,
             replace(plain, theta_m=math.nan),
         ),
-        ("and longer", 3, 0, step, replace(plain, theta_m=math.nan)),
+        ("the angle is missing for longer", 3, 0, step, replace(plain, theta_m=math.nan)),
         ("all is well again", back, 0, step, plain),
     ]
     if monitor["stuck_angle"]:

@@ -228,28 +228,32 @@ def _drive_variables(run: Prepared, signals: list[tuple[str, str]]) -> list[Vari
     names = {name for name, _ in signals}
     phases, bus_voltage = run.phases, run.bus_voltage
     variables = [TIME_VARIABLE]
-    what = "input.i_q_ref" if bus_voltage is None else "the duty inputs"
-    description = f"true: {what} act at once, in place of the study's controller"
+    what = "input.i_q_ref acts" if bus_voltage is None else "the duty inputs act"
+    description = f"if true, {what} at once, in place of the study's controller"
     variables += [Variable(EXTERNAL_CONTROL, "boolean", "parameter", description)]
     if not run.trials:
-        description = "true: the reference is that of the inputs, not the scenario's"
+        description = "if true, inputs such as input.omega_ref give the reference, not the scenario"
         variables += [Variable(EXTERNAL_REFERENCE, "boolean", "parameter", description)]
-    variables += [real("input", "tau_load_added", "N*m", "load torque in addition to that of the scenario")]
+    variables += [real("input", "tau_load_added", "N*m", "load torque that is added to that of the scenario")]
     if bus_voltage is None:
-        description = f"q-axis current; counts where {EXTERNAL_CONTROL} is true"
+        description = f"q-axis current reference; it acts only if {EXTERNAL_CONTROL} is true"
         variables += [real("input", "input.i_q_ref", "A", description)]
     else:
         description = (
-            "true: all switches are off and the duties have no effect; connect bit 1024 of a controller's "
-            "status"
+            "if true, all switches are off and the duty inputs have no effect; connect bit 1024 of the "
+            "status of a controller"
         )
         variables += [Variable("bridge_open", "boolean", "input", description), *duties("input", phases)]
     if not run.trials:
-        description = f"counts where {EXTERNAL_REFERENCE} is true"
-        reference_signals = [("omega_ref", "rad/s"), ("theta_ref", "rad"), ("alpha_ref", "rad/s^2")]
+        acts = f"it acts only if {EXTERNAL_REFERENCE} is true"
+        reference_signals = [
+            ("omega_ref", "rad/s", "speed"),
+            ("theta_ref", "rad", "angle"),
+            ("alpha_ref", "rad/s^2", "acceleration"),
+        ]
         variables += [
-            real("input", f"input.{name}", unit, description)
-            for name, unit in reference_signals
+            real("input", f"input.{name}", unit, f"mechanical {quantity} reference; {acts}")
+            for name, unit, quantity in reference_signals
             if name in names
         ]
     variables += [signal(name, unit) for name, unit in signals if name != "time"]

@@ -94,16 +94,16 @@ def measurements(causality: Causality, phases: int, bus_voltage: float | None) -
 def references(causality: Causality) -> list[Variable]:
     """References of one current-loop period."""
     return [
-        real(causality, "reference.theta_ref", "rad", "mechanical angle reference; laws of position read it"),
+        real(causality, "reference.theta_ref", "rad", "mechanical angle reference, read by laws of position"),
         real(causality, "reference.omega_ref", "rad/s", "mechanical speed reference"),
         real(
             causality,
             "reference.alpha_ref",
             "rad/s^2",
-            "derivative of the speed reference; laws that learn in angle read it",
+            "derivative of the speed reference, read by laws that learn over the angle",
         ),
         real(causality, "reference.i_d_ref", "A", "d-axis current reference"),
-        Variable("reference.learn", "boolean", causality, "false: learning is frozen", start=1.0),
+        Variable("reference.learn", "boolean", causality, "if false, learning is frozen", start=1.0),
     ]
 
 
