@@ -260,7 +260,7 @@ def test_on_either_side_of_the_limit_of_a_held_speed_the_table_says_how_near_it_
     late = trace.time >= trace.time[-1] - 5
     off = (trace["omega_m"] - trace["omega_ref"])[late]
     percent = 100 * math.sqrt(np.mean(off**2)) / np.mean(trace["omega_ref"][late])
-    said = re.search(r"error ([0-9]+) %", remark)
+    said = re.search(r"error is ([0-9]+) %", remark)
     assert float(said[1]) == pytest.approx(percent, abs=1) if said is not None else percent < 50
     print_results(results)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("PI ")]

@@ -59,7 +59,7 @@ def test_what_was_played_has_a_key_and_a_picture_of_each_signal(monkeypatch):
             '<p class="note"><span class="key" style="--colour:var(--c0)">measured</span> '
             '<span class="key" style="--colour:var(--c2)">simulated</span></p><div class="panels">'
         )
-        assert re.findall(r"<header>one.csv: (.*?), 1 s", page) == names
+        assert re.findall(r"<header>one.csv: 1 s of (.*?)\.", page) == names
     assert identified._replays(SimpleNamespace(estimate=None, traces={})) == ""
 
 

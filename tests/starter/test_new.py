@@ -395,7 +395,9 @@ def test_the_guesses_given_by_their_flags_make_the_same_study(
     _, out, _ = cogless(capsys, "new", "first", *own)
     first = load("first").source.tables
     text = " ".join(out.split())
-    guessed = text.partition("Not given, so guessed: ")[2].partition(". Guesses without an option")
+    guessed = text.partition("Not given, so guessed: ")[2].partition(
+        ". Guesses without an option, to be changed in the file:"
+    )
     listed = dict(re.findall(r"--([a-z-]+) ([^,]+)", guessed[0]))
     cogging = listed.pop("cogging")
     assert {"inertia", "friction", "slots", "inductance", "bus-voltage", "current-limit"} < listed.keys()

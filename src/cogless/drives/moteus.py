@@ -442,7 +442,10 @@ MOTEUS = Adapter(
     writes=(
         Feature("cogging table: lines for moteus_tool --restore-config", Certainty.SOURCE),
         Feature("encoder table (table --encoder): lines for moteus_tool, too", Certainty.SOURCE),
-        Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
+        Feature(
+            "identify --plan: a script for moteus' Python package; the script records the logs",
+            Certainty.DRIVE,
+        ),
     ),
     recognise=recognise,
     read_logs=read_logs,

@@ -316,7 +316,10 @@ ODRIVE = Adapter(
         Feature("odrivetool backup-config: motor and drive", Certainty.DRIVE),
     ),
     writes=(
-        Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
+        Feature(
+            "identify --plan: a script for ODrive's Python package; the script records the logs",
+            Certainty.DRIVE,
+        ),
     ),
     recognise=recognise,
     read_logs=read_logs,

@@ -463,7 +463,9 @@ def _drive(
         section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
     if fit.steps > 1:
         section.put(
-            "integration_steps", fit.steps, note="so many are enough at both ends of the guessed ranges, too"
+            "integration_steps",
+            fit.steps,
+            note="this number is enough at both ends of each guessed range, too",
         )
 
     section = sheet.section("[drive.current_loop]")

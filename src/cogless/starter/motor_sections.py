@@ -171,7 +171,7 @@ def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> 
 def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int) -> str:
     other_slots = _alternatives([other for other, _ in others], slots)
     if named.get("slots"):
-        return f"guess, as in the shipped study of this motor; {other_slots} is possible, too"
+        return f"guess: {other_slots} is possible, too; the shipped study of this motor has {slots}"
     equal = f"with {slots} slots the phases are equal, as in most motors"
     return f"guess: {other_slots} is possible, too; {equal}"
 

@@ -259,8 +259,8 @@ RMS_AND_PEAK, PHASE_AND_LINES = "rms and peak", "phase and line to line"
 MIXED_UP = (
     (math.sqrt(2), "sqrt(2)", RMS_AND_PEAK),
     (math.sqrt(3), "sqrt(3)", PHASE_AND_LINES),
-    (math.sqrt(1.5), "sqrt(3/2)", "peak of a phase and rms from line to line"),
-    (math.sqrt(6), "sqrt(6)", "rms of a phase and peak from line to line"),
+    (math.sqrt(1.5), "sqrt(3/2)", "the peak value of a phase and the rms value from line to line"),
+    (math.sqrt(6), "sqrt(6)", "the rms value of a phase and the peak value from line to line"),
     (2 / math.sqrt(3), "2/sqrt(3)", "K_t and 1/kv, which is 2/sqrt(3) K_t"),
     (1.5, "3/2", "one phase and all three"),
     (3.0, "3", "star and delta"),
