@@ -186,8 +186,8 @@ def write_runs(axis: Axis) -> Mapping[str, str]:
     ]
     top = [
         "# Home the printer, then run COGLESS_RAMPS. The logs are /tmp/*cogless-*.csv.",
-        "# SET_PHASE_CORRECTION is the command of a module that corrects the step times. Klipper itself has no",
-        "# such module. FORWARD and BACKWARD are lists of waves: ORDER:MAGNITUDE:PHASE,ORDER:..., in rad.",
+        "# SET_PHASE_CORRECTION is the command of a module that corrects the step times. Klipper itself has",
+        "# no such module. FORWARD and BACKWARD are lists of waves: ORDER:MAGNITUDE:PHASE,ORDER:..., in rad.",
         f"[gcode_macro COGLESS_RAMPS_{axis.motor.upper()}]",
         "gcode:",
     ]

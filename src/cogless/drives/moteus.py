@@ -443,7 +443,7 @@ MOTEUS = Adapter(
         Feature("cogging table: lines for moteus_tool --restore-config", Certainty.SOURCE),
         Feature("encoder table (table --encoder): lines for moteus_tool, too", Certainty.SOURCE),
         Feature(
-            "identify --plan: a script for moteus' Python package; the script records the logs",
+            "identify --plan: a script that records the logs with moteus' Python package",
             Certainty.DRIVE,
         ),
     ),

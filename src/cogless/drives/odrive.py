@@ -317,7 +317,7 @@ ODRIVE = Adapter(
     ),
     writes=(
         Feature(
-            "identify --plan: a script for ODrive's Python package; the script records the logs",
+            "identify --plan: a script that records the logs with ODrive's Python package",
             Certainty.DRIVE,
         ),
     ),

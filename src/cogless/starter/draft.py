@@ -465,7 +465,7 @@ def _drive(
         section.put(
             "integration_steps",
             fit.steps,
-            note="this number is enough at both ends of each guessed range, too",
+            note="enough at both ends of each guessed range, too",
         )
 
     section = sheet.section("[drive.current_loop]")
