@@ -325,7 +325,7 @@ def test_where_the_scenario_would_end_above_the_feedback_another_choice_is_taken
     monkeypatch.setattr(from_study, "_predicted", pessimist)
     other = design_study(belt(tmp_path), [("moves", "ilc")])["moves", "ilc"]
     assert other.shift != first.shift and other.prediction is not None and not other.prediction.ends_above
-    assert any(str(note).startswith(f"shift = {other.shift}, ") for note in other.notes)
+    assert any(str(note).startswith(f"the design chose shift = {other.shift}, ") for note in other.notes)
 
 
 def test_the_shift_that_is_proposed_is_the_fastest() -> None:

@@ -36,6 +36,8 @@ def test_another_run_of_a_doubted_law_ends_otherwise_and_the_verdict_says_so(coa
     verdict = report.verdict(results, "slow")
     assert verdict is not None and verdict.doubts == [f"{SENTENCE}{why}."]
     assert verdict.doubts[0] in verdict.details
+    again = report.verdict(run_study(changed(coarse, {"seed": 1})), "slow")
+    assert again is not None and all("--set seed=0, " in text for text in again.doubts)
     left = [
         run_study(changed(coarse, {"seed": seed}), ["*/harmonic"]).runs[0].metrics["speed_ripple_rad_s"]
         for seed in range(1, 4)

@@ -490,7 +490,7 @@ def _reasons(study: Study, ranking: Ranking, designs: Mapping[str, Answer | None
     texts: dict[str, list[str]] = {}  # sentence without its speeds -> scenarios
     for scenario, design in designs.items():
         if design is not None and _is_worthless(design):
-            texts.setdefault(f"learning is {design.words}.", []).append(scenario)
+            texts.setdefault(f"by calculation learning is {design.words}.", []).append(scenario)
             continue
         if design is not None and design.doubt and learned[scenario].holds:
             texts.setdefault(f"another run may leave more: {design.doubt}.", []).append(scenario)

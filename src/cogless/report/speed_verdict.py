@@ -394,8 +394,9 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 def _doubts(case: _Case, scenario: str) -> list[str]:
     """Sentences on a scenario's winners whose next run may end otherwise, as their design says."""
+    another = f"In another run, such as with --set seed={0 if case.study.seed else 1},"
     return [
-        f"In another run, such as with --set seed=1, {case.label(c)} may leave more: {why}."
+        f"{another} {case.label(c)} may leave more: {why}."
         for c in case.winners
         if case.learns(c) and (why := doubt(case.study, c, scenario))
     ]

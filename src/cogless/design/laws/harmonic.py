@@ -275,7 +275,7 @@ class Certificate:
         if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
         phrases = [speed.in_words() for speed in self.speeds]
-        ends = [f"learns up to {self.fastest / RPM:.4g} rpm"]
+        ends = [f"learns up to {float(f'{self.fastest / RPM:.4g}'):.0f} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
