@@ -410,6 +410,10 @@ def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
         ({"kv": 80, "torque_constant": 0.95},
          '--kv: "80 rpm/V": expected about 8.71 rpm/V, as --torque-constant 0.95 N*m/A says; '
          "give one of the two"),
+        # Maxon EC 45 flat, 70 W
+        ({"kv": 259, "torque_constant": 0.0369},
+         '--kv: "259 rpm/V": expected about 224 rpm/V, as --torque-constant 0.0369 N*m/A says; this torque '
+         "constant is per ampere of the supply (block commutation); give --kv alone"),
         ({"kv": 80, "back_emf": "33 mV/rpm"},
          '--back-emf: "33 mV/rpm": expected about 0.00884 V/rpm, as --kv 80 rpm/V says; give one of the two'),
         ({"current_rate": "2.5 Hz"}, '--current-rate: "2.5 Hz": expected a whole number of Hz'),

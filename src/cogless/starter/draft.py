@@ -92,6 +92,8 @@ OF_A_STEP_DATASHEET = ("resistance", "inductance", "holding-torque", "detent-tor
 OF_ENCODERS = {"bits": "absolute", "cpr": "incremental"}
 ORDER_ROWS = 2.2  # rows in a wave of an order, at least, or no metric reports this order
 CONVERTER_BITS = 12  # bits of each current sensor's converter
+# 1 / Kv, the torque per ampere of the supply with block commutation / torque per ampere of a phase (peak)
+BLOCK_RATIO = 2 / math.sqrt(3)
 LOAD_FACTOR = 3.0  # inertia with a load that nobody stated / that of the rotor, at most
 
 
@@ -366,10 +368,15 @@ def _check_constants(request: Request) -> None:
         if not math.isclose(answer.value, by_first, rel_tol=AGREEMENT_MOST):
             number = NUMBERS[other]
             expected = amount(by_first, number.dimension, number.unit)
-            other_flag = f"--{first} {request.numbers[first].text}"
-            raise RequestError(
-                other, answer.text, f"expected about {expected}, as {other_flag} says; give one of the two"
-            )
+            which = "give one of the two"
+            if {first, other} == {"torque-constant", "kv"} and math.isclose(
+                answer.value, BLOCK_RATIO * by_first, rel_tol=AGREEMENT_MOST
+            ):
+                which = (
+                    "this torque constant is per ampere of the supply (block commutation); give --kv alone"
+                )
+            said = f"--{first} {request.numbers[first].text} says"
+            raise RequestError(other, answer.text, f"expected about {expected}, as {said}; {which}")
 
 
 def _refuse(request: Request, names: tuple[str, ...], why: str) -> None:
