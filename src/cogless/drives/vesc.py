@@ -202,7 +202,8 @@ def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[st
     steps = np.diff(t)
     if np.any(steps < 0):
         row = int(np.flatnonzero(steps < 0)[0]) + 2
-        raise StudyError(f"{path}: {TIME_HEADING}: row {row}: the time goes back: expected one clock")
+        back = f"{path}: {TIME_HEADING}: row {row}: the time goes back"
+        raise StudyError(f"{back}: expected a log of one recording")
     omega = math.tau / 60 / pairs * columns[SPEED_HEADING]
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * steps)])
     encoder = np.radians(columns.get(ENCODER_HEADING, 0 * t))

@@ -56,14 +56,14 @@ ${due}    cgl_encoder_step(&encoder, board_counter());
     now->theta_m = cgl_radians(encoder.turns);
 ${correct}${speed}${filter}}
 """
-ABOUT = """The encoder's part of the measurements. Its zero is where it stood at the start: call
- * cgl_encoder_index at the index pulse, or cgl_encoder_place."""
-ABOUT_WORD = "The sensor's part of the measurements. encoder_config.zero is its raw value at angle zero."
+ABOUT = """Angle and speed from the encoder's counts. The angle is zero where the encoder stood at the start:
+ * call cgl_encoder_index at the index pulse, or cgl_encoder_place."""
+ABOUT_WORD = "Angle and speed from the sensor's raw value. encoder_config.zero is the raw value at angle zero."
 HALL_DEFINITIONS = """static const cgl_hall_config hall_config = {
     .pole_pairs = ${pole_pairs}U, .edges = ${edges}U, .timer = ${timer}};
 static cgl_hall hall;
 ${states}
-/* The Hall sensors' part of the measurements. They do not tell which electrical revolution it is. */
+/* Angle and speed from the Hall sensors. They do not show which electrical revolution it is. */
 static void measure_motion(cgl_measurement *now)
 {
     cgl_hall_step(&hall, board_hall(), board_edge_time(), board_timer());

@@ -332,11 +332,12 @@ class DesignSettings(Table):
     cost](/theory/trial-design.md#state-feedback-with-a-guaranteed-cost) that the design minimises: one number
     for each state, and one for the integrator if `state_weight` has it."""
     initial_change: Many[float] | None = None
-    """Change of the initial state from one trial to the next: as many numbers as in `initial_state`. For this
-    change, $f$ in (31) of Mandra 2019, the design chooses [the learning
-    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$. Default: `initial_state`. If all
-    trials start alike, even with an offset, give zeros: the design then minimises the [factor per
-    trial](/theory/trial-design.md#the-certificate) at the worst frequency."""
+    """Difference between the initial states of two successive trials, $f$ in (31) of Mandra 2019: as many
+    numbers as in `initial_state`. The design chooses [the learning
+    gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$ that bounds the error best with this
+    difference. Default: the value of `initial_state`. Give zeros if all trials start alike, even with an
+    offset: $K_3$ then has the smallest [factor per trial](/theory/trial-design.md#the-certificate) at the worst
+    frequency."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
     """Error of the first trial, for which the design chooses [the learning
     gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the number $g$ of (31) in Mandra
