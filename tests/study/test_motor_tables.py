@@ -177,7 +177,7 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
             'peak: "10.2 mN*m": expected about 0.005242 N*m, as the table has; '
             "peak and peak to peak differ by a factor of 2"),
         ("cogging_table", cogging, {"sign": "on-rotor", "current_peak": "1 A"},
-            'current_peak: "1 A": expected the key peak, since the table holds a torque'),
+            'current_peak: "1 A": expected the key "peak" instead, since the table has a torque'),
         ("cogging_table", cogging, {}, 'sign: missing: expected one of "on-rotor", "holding"'),
         ("cogging_table", cogging, {"sign": "on-rotor", "orders": [400]},
             "orders: [400]: expected orders up to 359, half the points of the table"),

@@ -144,7 +144,7 @@ class CoggingTable(AngleFile):
             if getattr(self, key if of_current else f"current_{key}") is not None:
                 other, name = (f"current_{key}", "current") if of_current else (key, "torque")
                 wrong = key if of_current else f"current_{key}"
-                raise invalid(f"expected the key {other}, since the table holds a {name}", wrong)
+                raise invalid(f'expected the key "{other}" instead, since the table has a {name}', wrong)
         self._check_size("A" if of_current else "N*m", "current_" if of_current else "")
         self._waves()
         return self

@@ -58,7 +58,7 @@ ${correct}${speed}${filter}}
 """
 ABOUT = """Angle and speed from the encoder's counts. The angle is zero where the encoder stood at the start:
  * call cgl_encoder_index at the index pulse, or cgl_encoder_place."""
-ABOUT_WORD = "Angle and speed from the sensor's raw value. encoder_config.zero is the raw value at angle zero."
+ABOUT_WORD = "Angle and speed from the sensor's raw value. encoder_config.zero is this value at angle zero."
 HALL_DEFINITIONS = """static const cgl_hall_config hall_config = {
     .pole_pairs = ${pole_pairs}U, .edges = ${edges}U, .timer = ${timer}};
 static cgl_hall hall;

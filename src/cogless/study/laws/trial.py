@@ -336,8 +336,8 @@ class DesignSettings(Table):
     numbers as in `initial_state`. The design chooses [the learning
     gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$ that bounds the error best with this
     difference. Default: the value of `initial_state`. Give zeros if all trials start alike, even with an
-    offset: $K_3$ then has the smallest [factor per trial](/theory/trial-design.md#the-certificate) at the worst
-    frequency."""
+    offset: $K_3$ then has the smallest [factor per trial](/theory/trial-design.md#the-certificate) at the
+    worst frequency."""
     initial_error: Annotated[float, Field(gt=0)] = 0.1
     """Error of the first trial, for which the design chooses [the learning
     gain](/theory/trial-design.md#learning-as-a-repetitive-process) $K_3$: the number $g$ of (31) in Mandra
