@@ -146,7 +146,7 @@ def test_the_report_says_what_was_found(chain):
         orders = re.findall(r'<tr><th>(\d+)</th><td class="wide">', "".join(drawn))
         assert orders == [str(wave["order"]) for wave in found[kind]], title
     assert "src=" not in page and "href=" not in page  # works offline
-    ratios = re.findall(r"one-speed: (?:omega|i_q) \(.*? simulated / measured: ([\d.]+|nan)", page)
+    ratios = re.findall(r"one-speed: 1 s of (?:omega|i_q) \(.*? simulated / measured: ([\d.]+|nan)", page)
     assert len(ratios) == 4  # of speed and current, each in the heading and in the picture's label
     assert all(0.9 < float(ratio) < 1.1 for ratio in ratios)
 

@@ -375,8 +375,8 @@ def _check_constants(request: Request) -> None:
                 which = (
                     "this torque constant is per ampere of the supply (block commutation); give --kv alone"
                 )
-            said = f"--{first} {request.numbers[first].text} says"
-            raise RequestError(other, answer.text, f"expected about {expected}, as {said}; {which}")
+            stated = f"--{first} {request.numbers[first].text}"
+            raise RequestError(other, answer.text, f"expected about {expected}, as {stated} says; {which}")
 
 
 def _refuse(request: Request, names: tuple[str, ...], why: str) -> None:
