@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cogless.errors import StudyError
@@ -28,89 +28,82 @@ def with_limits(
     progress: Callable[[str], None] | None = None,
 ) -> Results:
     """As `cogless.report.with_limits`."""
-    by_scenario: dict[str, Limits] = {}
+    results = replace(results, limits={})
     try:
         for scenario in results.scenarios:
             if results.study.scenario[scenario].faults:
                 continue
             if progress is not None:
                 progress(scenario)
-            limited = settings = _holding(results, scenario, by_scenario, long, jobs, traces)
+            search = _Search(results=results, long=long, jobs=jobs, traces=traces)
+            limited = settings = search.holding(scenario)
             if settings is None or not settings.cures:
-                limited = _limits(results, scenario, by_scenario, long, jobs, traces) or settings
+                limited = search.limits(scenario) or settings
             if limited is not None and settings is not None:
                 limited = replace(limited, in_vain=settings.in_vain)
             if limited is not None:
-                by_scenario[scenario] = limited
+                results = replace(results, limits={**results.limits, scenario: limited})
     except KeyboardInterrupt:
         pass
-    return replace(results, limits=by_scenario)
+    return results
 
 
-def _holding(
-    results: Results,
-    scenario: str,
-    by_scenario: Mapping[str, Limits],
-    long: bool,
-    jobs: int | None,
-    traces: Path | None,
-) -> Limits | None:
-    """The settings with which a law holds the speed of a scenario in which none does; None: none tried."""
-    lost = unheld(results, scenario)
-    if lost is None or not (long or is_quick(results.study, scenario, lost.run.controller)):
-        return None
-    limited = holding(results.study, lost.run, lost.metric, lost.line.order, jobs, traces)
-    if limited is None or not limited.cures:
-        return limited
-    others = [*_elsewhere(results, lost.run, by_scenario, long)]
-    return without_harm(results.study, limited, others, jobs, traces)
+@dataclass(frozen=True, kw_only=True)
+class _Search:
+    """Tries of changes in one scenario after the other. `results`: with the limits of earlier scenarios.
 
-
-def _limits(
-    results: Results,
-    scenario: str,
-    by_scenario: Mapping[str, Limits],
-    long: bool,
-    jobs: int | None,
-    traces: Path | None,
-) -> Limits | None:
-    """What limits a scenario's best run."""
-    best = judged(results, scenario)
-    if best is None or not (long or is_quick(results.study, scenario, best.run.controller)):
-        return None
-    run, metric = best.run, best.metric
-    limited = limits(results.study, run, metric, best.line.order, jobs, traces)
-    if limited is None:
-        return None
-    others = [*_elsewhere(results, run, by_scenario, long)]
-    limited = without_harm(results.study, limited, others, jobs, traces)
-    rival = learner(results, best)
-    if rival is None:
-        return limited
-    holds = rival.controller not in best.line.missed
-    return beside_learner(results.study, limited, rival, metric, holds, jobs, traces)
-
-
-def _elsewhere(
-    results: Results, run: Run, by_scenario: Mapping[str, Limits], long: bool
-) -> Iterator[Elsewhere]:
-    """Runs of each other scenario, to try changes: of the best controller there, and of the same one.
-
-    `by_scenario`: the limits of earlier scenarios. Scenarios with faults are left out, and ones in which no
-    controller holds the speed. `long`: include runs that take long or execute a user's code.
+    `long`: include runs that take long or execute a user's code. `jobs`, `traces`: as of `limits`.
     """
-    for scenario in results.scenarios:
-        best = judged(results, scenario)
-        if scenario == run.scenario or best is None or results.study.scenario[scenario].faults:
-            continue
-        missed, tried = best.line.missed, by_scenario.get(scenario)
-        runs = [other for other in runs_in(results, scenario) if other.controller == run.controller]
-        for other in {trial.controller: trial for trial in (best.run, *runs)}.values():
-            if other.controller not in missed and (
-                long or is_quick(results.study, scenario, other.controller)
-            ):
-                own = tried if tried is not None and tried.controller == other.controller else None
-                yield Elsewhere(other, best.metric, best.line.order, own)
+
+    results: Results
+    long: bool
+    jobs: int | None
+    traces: Path | None
+
+    def holding(self, scenario: str) -> Limits | None:
+        """The settings with which a law holds a speed that none holds; None: none was tried."""
+        lost = unheld(self.results, scenario)
+        if lost is None or not self._may_repeat(lost.run):
+            return None
+        study, order = self.results.study, lost.line.order
+        limited = holding(study, lost.run, lost.metric, order, self.jobs, self.traces)
+        return limited and self._without_harm(limited, lost.run)
+
+    def limits(self, scenario: str) -> Limits | None:
+        """What limits a scenario's best run."""
+        best = judged(self.results, scenario)
+        if best is None or not self._may_repeat(best.run):
+            return None
+        study, metric = self.results.study, best.metric
+        limited = limits(study, best.run, metric, best.line.order, self.jobs, self.traces)
+        limited = limited and self._without_harm(limited, best.run)
+        rival = learner(self.results, best)
+        if limited is None or rival is None:
+            return limited
+        holds = rival.controller not in best.line.missed
+        return beside_learner(study, limited, rival, metric, holds, self.jobs, self.traces)
+
+    def _may_repeat(self, run: Run) -> bool:
+        return self.long or is_quick(self.results.study, run.scenario, run.controller)
+
+    def _without_harm(self, limited: Limits, run: Run) -> Limits:
+        return without_harm(self.results.study, limited, [*self._elsewhere(run)], self.jobs, self.traces)
+
+    def _elsewhere(self, run: Run) -> Iterator[Elsewhere]:
+        """Runs of each other scenario, to try changes: of the best controller there, and of the same one.
+
+        Scenarios with faults are left out, and ones in which no controller holds the speed.
+        """
+        for scenario in self.results.scenarios:
+            best = judged(self.results, scenario)
+            if scenario == run.scenario or best is None or self.results.study.scenario[scenario].faults:
+                continue
+            missed, limited = best.line.missed, self.results.limits.get(scenario)
+            runs = [other for other in runs_in(self.results, scenario) if other.controller == run.controller]
+            for other in {trial.controller: trial for trial in (best.run, *runs)}.values():
+                if other.controller not in missed and self._may_repeat(other):
+                    is_own = limited is not None and limited.controller == other.controller
+                    yield Elsewhere(other, best.metric, best.line.order, limited if is_own else None)
 
 
 def with_learning_off(
