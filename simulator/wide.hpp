@@ -54,26 +54,40 @@ struct alignas(sizeof(Number) * width) Wide {
         [[gnu::always_inline]] bool any() const {
             Bits all = bits[0];
             for (std::size_t r = 1; r < registers; ++r) all |= bits[r];
-            std::uint64_t word[sizeof all / 8], some = 0;
-            std::memcpy(word, &all, sizeof all);
-            for (const std::uint64_t w : word) some |= w;
-            return some != 0;
+            return packed(all) != 0;
         }
         // lane n as bit n
         [[gnu::always_inline]] std::uint32_t packed() const {
             std::uint32_t all = 0;
-            for (std::size_t r = 0; r < registers; ++r) all |= packed(bits[r], std::make_index_sequence<width>()) << (r * width);
+            for (std::size_t r = 0; r < registers; ++r) all |= packed(bits[r]) << (r * width);
             return all;
         }
 
     private:
-        template <std::size_t... lane>
-        [[gnu::always_inline]] static std::uint32_t packed(const Bits& bits, std::index_sequence<lane...>) {
-            const Bits own = bits & Bits{(Integer{1} << lane)...};
-            std::uint64_t word[sizeof own / 8], all = 0;
-            std::memcpy(word, &own, sizeof own);
-            for (const std::uint64_t w : word) all |= w;
-            return static_cast<std::uint32_t>(all | all >> 32U);
+        // The sign bits of a register, by one instruction where there is one.
+        [[gnu::always_inline]] static std::uint32_t packed(const Bits& bits) {
+#if defined(__AVX2__)
+            typedef float Floats __attribute__((vector_size(32)));
+            typedef double Doubles __attribute__((vector_size(32)));
+            typedef std::int32_t Words __attribute__((vector_size(4 * width)));
+            if constexpr (width == 8) {
+                return static_cast<std::uint32_t>(
+                    __builtin_ia32_movmskps256(reinterpret_cast<Floats>(__builtin_convertvector(bits, Words))));
+            } else if constexpr (sizeof bits == 32) {
+                return static_cast<std::uint32_t>(__builtin_ia32_movmskpd256(reinterpret_cast<Doubles>(bits)));
+            }
+#elif defined(__SSE2__)
+            typedef float Floats __attribute__((vector_size(16)));
+            typedef double Doubles __attribute__((vector_size(16)));
+            if constexpr (width == 2) {
+                return static_cast<std::uint32_t>(__builtin_ia32_movmskpd(reinterpret_cast<Doubles>(bits)));
+            } else if constexpr (sizeof bits == 16) {
+                return static_cast<std::uint32_t>(__builtin_ia32_movmskps(reinterpret_cast<Floats>(bits)));
+            }
+#endif
+            std::uint32_t all = 0;
+            for (std::size_t lane = 0; lane < width; ++lane) all |= bits[lane] != 0 ? 1U << lane : 0U;
+            return all;
         }
     };
 
