@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "cogless/harmonic_parts.h"
 #include "cogless/laws.def"
 #include "law.hpp"
 #include "section.hpp"
@@ -87,6 +88,18 @@ void require_config(const typename Row::Config& config, const cgl_loop& loop) {
     if (error != CGL_ERROR_MEMORY) require(error, Row::name);
 }
 
+// A sum of the harmonic law's orders, and the error of its PI, rad/s.
+struct OrderSum {
+    cgl_orders orders;
+    cgl_real error, sum;
+};
+
+extern "C" {
+bool cgl_harmonic_begin(cgl_harmonic* law, const cgl_law_input* in, cgl_real* error, cgl_orders* orders);
+void cgl_harmonic_end(cgl_harmonic* law, const cgl_law_input* in, cgl_real error, const cgl_orders* orders, cgl_real sum,
+                      cgl_law_output* out);
+}
+
 // The law's state, with the caller's memory if the law has one.
 template <class Row>
 struct CState {
@@ -128,10 +141,24 @@ struct CLaw {
         }
         return s;
     }
-    Command step(State& s, const LawInput& in) const {
+    Command step(State& s, const cgl_law_input& in) const {
         cgl_law_output output;
         if constexpr (HasMemory<Row>) Row::set_memory(s.law, s.cell);
-        Row::step(&s.law, &in.c, &output);
+        Row::step(&s.law, &in, &output);
+        return from_c(output);
+    }
+    // step() in two parts, between which the sum of the orders is taken: see harmonic.c.
+    bool begin(auto& s, const cgl_law_input& in, OrderSum& sum) const
+        requires std::is_same_v<Row, harmonic_row>
+    {
+        Row::set_memory(s.law, s.cell);
+        return cgl_harmonic_begin(&s.law, &in, &sum.error, &sum.orders);
+    }
+    Command end(auto& s, const cgl_law_input& in, const OrderSum& sum) const
+        requires std::is_same_v<Row, harmonic_row>
+    {
+        cgl_law_output output;
+        cgl_harmonic_end(&s.law, &in, sum.error, &sum.orders, sum.sum, &output);
         return from_c(output);
     }
     std::vector<Term> terms() const { return terms_of<Row>(config); }

@@ -1,6 +1,8 @@
 #include "drive.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <iterator>
@@ -8,6 +10,7 @@
 #include <numbers>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 
 #include "angle_patch.hpp"
 #include "cogless/angle.h"
@@ -567,7 +570,6 @@ void Drive::join(LaneLoops& loops, std::size_t lane, DriveState& s) const {
     loops.period[lane] = monitor.ts;
     loops.pole_pairs[lane] = s.control.pole_pairs;
     loops.u_dc[lane] = static_cast<cgl_real>(config_.inverter.bus_voltage);
-    loops.angle_step[lane] = position_sensor_.step();
     loops.delayed[lane] = config_.inverter.computation_delay ? CGL_R(1.0) : CGL_R(0.0);
     loops.least_duty[lane] = least_duty_;
     static_assert(offsetof(cgl_foc_input, i_q_ref) == 7 * sizeof(cgl_real));
@@ -575,12 +577,12 @@ void Drive::join(LaneLoops& loops, std::size_t lane, DriveState& s) const {
     put(loops, lane, s);
 }
 
-void Drive::put(LaneLoops& loops, std::size_t lane, const DriveState& s) {
+void Drive::put(LaneLoops& loops, std::size_t lane, const DriveState& s) const {
     loops.integral_d[lane] = s.control.foc.integral_d;
     loops.integral_q[lane] = s.control.foc.integral_q;
     loops.lost_d[lane] = s.control.foc.lost_d;
     loops.lost_q[lane] = s.control.foc.lost_q;
-    loops.count[lane] = static_cast<double>(s.position.count);
+    std::tie(loops.theta_low[lane], loops.theta_high[lane]) = position_sensor_.bounds(s.position);
     loops.theta_before[lane] = s.position.theta_before;
     for (std::size_t k = 0; k < s.duty.size(); ++k) loops.computed[k][lane] = static_cast<cgl_real>(s.duty[k]);
 }
@@ -604,6 +606,45 @@ void Drive::turn(LaneLoops& loops, std::size_t lane, const cgl_foc& foc, cgl_rea
     loops.cosine[lane] = rotor.cosine;
     loops.acting_sine[lane] = acting.sine;
     loops.acting_cosine[lane] = acting.cosine;
+}
+
+void Drive::sum_orders(const LaneKernel& kernel, LaneOrders& all, OrderSums& of, std::uint32_t lanes) {
+    const auto ranges = [&of](std::size_t n) {
+        const cgl_orders& o = of[n].orders;
+        return std::array{o.begin, o.end, o.low, o.acting};
+    };
+    const auto first = ranges(static_cast<std::size_t>(std::countr_zero(lanes)));
+    std::uint32_t together = 0;
+    for (std::size_t n = 0; n < kernel.lanes; ++n) {
+        if ((lanes >> n & 1U) != 0U && ranges(n) == first) together |= 1U << n;
+    }
+    // of fewer, each one alone is faster
+    if (2 * static_cast<std::size_t>(std::popcount(together)) < kernel.lanes) together = 0;
+    if (together != 0U) {
+        all.begin = first[0], all.end = first[1], all.low = first[2], all.acting = first[3];
+        for (std::size_t n = 0; n < kernel.lanes; ++n) {
+            const cgl_orders& o = of[n].orders;
+            const bool sums = (together >> n & 1U) != 0U;
+            all.cosine[n] = sums ? o.cosine : all.unused;
+            all.sine[n] = sums ? o.sine : all.unused;
+            all.gain[n] = sums ? o.gain : all.unused;
+            all.first_cosine[n] = o.first.cosine;
+            all.first_sine[n] = o.first.sine;
+            all.loads[n] = o.loads;
+            all.error[n] = o.error;
+            all.limit[n] = o.limit;
+            all.phase_sum[n] = o.phase_sum;
+        }
+        kernel.sum_orders(all);
+    }
+    for (std::size_t n = 0; n < kernel.lanes; ++n) {
+        if ((together >> n & 1U) != 0U) {
+            of[n].sum = all.sum[n];
+            of[n].orders.phase_sum = all.phase_sum[n];
+        } else if ((lanes >> n & 1U) != 0U) {
+            of[n].sum = cgl_sum_of_orders(&of[n].orders);
+        }
+    }
 }
 
 void Drive::take_output(const LaneLoops& loops, std::size_t lane, DriveState& s) {
@@ -677,6 +718,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
     const LanePlants::View view = plants.view();
     AtAngle<double> here;
     LaneLoops loops;
+    LaneOrders all_orders;
+    OrderSums orders{};
     const cgl_foc_input nothing{};
     std::fill(std::begin(loops.in.of), std::end(loops.in.of), nothing.i_abc);
     loops.states[0] = view.theta_m;
@@ -740,7 +783,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
             }
             asleep = goes_on;
         }
-        std::uint32_t stepped = 0;  // lanes that are awake and whose current loops step together
+        std::uint32_t summing = 0, stepped = 0;  // awake lanes whose sums of orders are due, and those whose current loops step together
         if (asleep != alive) {
             for (Running& r : all) {
                 if (has(asleep, r)) continue;
@@ -757,7 +800,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
                 try {
                     if (legs != 0 && r.joins) {
                         const Phases measured{view.measured[0][n], view.measured[1][n], view.measured[2][n]};
-                        drive.control<legs, legs == 0>(s, phase, 0, r.law.next(), measured, r.faults, nullptr);
+                        const bool due = drive.control<legs, legs == 0>(s, phase, 0, r.law.next(), measured, r.faults, nullptr, &orders[n]);
+                        summing |= std::uint32_t{due} << n;
                     } else {
                         drive.control<legs>(s, phase, 0, r.law.next(), r.current, r.faults, nullptr);
                     }
@@ -765,17 +809,21 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
                     leave(r, tick);
                     alive &= ~(1U << n);
                     r.lane->error = error.what();
-                    continue;
-                }
-                if (r.joins && cgl_drive_controls(&s.control) && !s.open) {
-                    s.control.currents.i_q_ref = s.control.command.i_q_ref;
-                    turn(loops, n, s.control.foc, s.control.currents.theta_e, s.control.currents.omega_e);
-                    stepped |= 1U << n;
                 }
             }
+            if (summing != 0U) sum_orders(kernel, all_orders, orders, summing);
             watched &= alive;
             watching &= alive;
             std::erase_if(all, [](const Running& r) { return !r.lane->error.empty(); });
+            for (const Running& r : all) {
+                if (has(asleep, r) || !r.joins) continue;
+                DriveState& s = *r.state;
+                if (has(summing, r)) r.drive->end_law<legs>(s, orders[r.n]);
+                if (!cgl_drive_controls(&s.control) || s.open) continue;
+                s.control.currents.i_q_ref = s.control.command.i_q_ref;
+                turn(loops, r.n, s.control.foc, s.control.currents.theta_e, s.control.currents.omega_e);
+                stepped |= 1U << r.n;
+            }
             if (stepped != 0U) stepped = kernel.step_loops(loops, stepped);
             for (Running& r : all) {
                 if (has(asleep, r)) continue;
@@ -804,7 +852,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
                 }
                 drive.remember(s, r.acting.duty);
                 if (r.rests) s.position.theta_before = loops.theta_before[n];
-                if (r.joins) put(loops, n, s);
+                if (r.joins) drive.put(loops, n, s);
                 if (r.acting.open) plants.get(n, s.plant, here);
             }
         }
@@ -835,7 +883,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
                     if (r.rests) s.position.theta_before = loops.theta_before[r.n];
                     r.drive->watch(s, from, h, view.theta_m[r.n], r.faults);
                     if (!r.rests) continue;
-                    loops.count[r.n] = static_cast<double>(s.position.count);
+                    std::tie(loops.theta_low[r.n], loops.theta_high[r.n]) = r.drive->position_sensor_.bounds(s.position);
                     loops.theta_before[r.n] = s.position.theta_before;
                     if (has(asleep, r)) show_angle(loops, r);
                 }
@@ -852,7 +900,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
                     here = r.phase->plant.angle().at(s.plant.theta_m);
                     drive.advance_plant<legs, detail>(s, here, patch, *r.phase, 0, r.acting, r.current, r.faults, no_rows);
                     plants.put(r.n, s.plant, here);
-                    if (r.joins) put(loops, r.n, s);
+                    if (r.joins) drive.put(loops, r.n, s);
                 }
                 ++s.tick;
                 if (has(stepped, r) && sleep(loops, r)) asleep |= 1U << r.n;
@@ -875,8 +923,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
 
 // Samples the sensors and runs the controller.
 template <std::size_t legs, bool alone>
-void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
-                    const Faults& faults, Controller* other) const {
+bool Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
+                    const Faults& faults, Controller* other, OrderSum* orders) const {
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
@@ -926,7 +974,13 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
         } own{*this, s};
         over_bus(s, own);
     } else {
-        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
+        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) {
+            if constexpr (!alone) {
+                const auto* law = std::get_if<CLaw<harmonic_row>>(&config_.law);
+                if (law != nullptr && law->begin(state_of(s.law, *law), s.control.in, *orders)) return true;
+            }
+            step_law<legs>(s);
+        }
         if (steps_currents_) step_current<legs>(s);
         if constexpr (alone) actuate(s);
     }
@@ -939,6 +993,13 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
         }
         s.plant.i.q = static_cast<double>(s.output.i_q_ref);
     }
+    return false;
+}
+
+template <std::size_t legs>
+void Drive::end_law(DriveState& s, const OrderSum& orders) const {
+    const auto& law = std::get<CLaw<harmonic_row>>(config_.law);
+    obey<legs>(s, law.end(state_of(s.law, law), s.control.in, orders));
 }
 
 template <class Parts>
@@ -996,26 +1057,32 @@ void Drive::sample_reference(DriveState& s, const Phase& phase, std::int64_t ori
 template <std::size_t legs>
 LawInput Drive::law_input(const DriveState& s, const Measurement& measured) const {
     const cgl_law_input& c = s.control.in;
-    return {c,
-                      time(s.tick),
-                      s.reference.omega,
-                      config_.trials ? s.reference.theta : s.reference.theta - turns_ * round_down(s.reference.theta / turns_),
-                      s.reference.alpha,
-                      measured.omega_m,
-                      measured.theta_m,
-                      legs == 0 ? s.plant.i.d : static_cast<double>(s.output.i_d),
-                      legs == 0 ? s.plant.i.q : static_cast<double>(s.output.i_q),
-                      static_cast<double>(s.control.loop.current_limit),
-                      law_period(),
-                      c.learn,
-                      c.off};
+    return {time(s.tick),
+            s.reference.omega,
+            config_.trials ? s.reference.theta : s.reference.theta - turns_ * round_down(s.reference.theta / turns_),
+            s.reference.alpha,
+            measured.omega_m,
+            measured.theta_m,
+            legs == 0 ? s.plant.i.d : static_cast<double>(s.output.i_d),
+            legs == 0 ? s.plant.i.q : static_cast<double>(s.output.i_q),
+            static_cast<double>(s.control.loop.current_limit),
+            law_period(),
+            c.learn,
+            c.off};
 }
 
 template <std::size_t legs>
 void Drive::step_law(DriveState& s) const {
     const cgl_law_input& c = s.control.in;
-    const LawInput in = law_input<legs>(s, {static_cast<double>(c.theta_m), static_cast<double>(c.omega_m)});
-    obey<legs>(s, std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law));
+    const auto step = [&](const auto& law) {
+        auto& state = state_of(s.law, law);
+        if constexpr (requires { law.step(state, c); }) {
+            return law.step(state, c);
+        } else {
+            return law.step(state, law_input<legs>(s, {static_cast<double>(c.theta_m), static_cast<double>(c.omega_m)}));
+        }
+    };
+    obey<legs>(s, std::visit(step, config_.law));
 }
 
 template <std::size_t legs>

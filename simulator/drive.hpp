@@ -241,10 +241,14 @@ private:
     bool rests() const;
     // The drive's settings and state in a LaneLoops.
     void join(LaneLoops& loops, std::size_t lane, DriveState& state) const;
-    static void put(LaneLoops& loops, std::size_t lane, const DriveState& state);
+    void put(LaneLoops& loops, std::size_t lane, const DriveState& state) const;
     static void get(const LaneLoops& loops, std::size_t lane, DriveState& state);
     // Sine and cosine of an electrical angle, rad, and of where the rotor is when the voltage acts; omega_e: rad/s.
     static void turn(LaneLoops& loops, std::size_t lane, const cgl_foc& foc, cgl_real theta_e, cgl_real omega_e);
+    // An entry for each lane.
+    using OrderSums = std::array<OrderSum, LaneLoops::most>;
+    // Takes sums of these lanes, those with the ranges of the first one together, and writes them to `of`.
+    static void sum_orders(const LaneKernel& kernel, LaneOrders& all, OrderSums& of, std::uint32_t lanes);
     // The output of the current loop's last step, which a LaneLoops has made.
     static void take_output(const LaneLoops& loops, std::size_t lane, DriveState& state);
     // The angle that the position sensor of a lane in quiet periods shows.
@@ -274,10 +278,13 @@ private:
     Voltage<> averaged(DriveState& state, const Phases& duty, const Phases& current, const Faults& faults) const;
     // Keeps the duty cycles of this period for the next one.
     void remember(DriveState& state, const Phases& applied) const;
-    // alone: false in a lane. `current` is then what the sensors show, and actuate() must follow.
+    // alone: false in a lane. `current` is then what the sensors show, and actuate() must follow. If the law needs a sum of orders,
+    // control() returns true before it, with all but the sum in `orders`; then end_law() must follow. Alone it returns false.
     template <std::size_t legs, bool alone = true>
-    void control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
-                 const Faults& faults, Controller* other) const;
+    bool control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
+                 const Faults& faults, Controller* other, OrderSum* orders = nullptr) const;
+    template <std::size_t legs>
+    void end_law(DriveState& state, const OrderSum& orders) const;
     void sample_reference(DriveState& state, const Phase& phase, std::int64_t origin) const;
     template <std::size_t legs>
     LawInput law_input(const DriveState& state, const Measurement& measured) const;

@@ -23,6 +23,8 @@ constexpr std::size_t doubles = sizeof(Lanes::Register) / sizeof(double), fittin
 using Real = Wide<(fitting < Lanes::lanes ? fitting : Lanes::lanes), 1, Number>;
 using Double = Wide<doubles, Real::lanes / doubles>;
 
+constexpr auto each = std::make_index_sequence<Real::lanes>();
+
 using cgl_real = Real;
 using cgl_truth = Real::Mask;
 #define CGL_CHOICE(condition, yes, no) select(condition, yes, no)
@@ -40,6 +42,16 @@ using cgl_truth = Real::Mask;
     return select(cgl_is_within(x, limit), x, select(x > zero, limit, select(x < zero, -limit, zero)));
 }
 
+[[gnu::always_inline]] inline Real cgl_clamp_here(const Real& x, const Real& limit) { return cgl_clamp(x, limit); }
+
+struct cgl_phasor {
+    Real cosine, sine;
+};
+
+[[gnu::always_inline]] inline cgl_phasor cgl_product(const cgl_phasor& a, const cgl_phasor& b) {
+    return {a.cosine * b.cosine - a.sine * b.sine, a.cosine * b.sine + a.sine * b.cosine};
+}
+
 [[gnu::always_inline]] inline Real cgl_add(const Real& sum, const Real& x, const Real& limit, Real* lost) {
     const Real term = x + *lost, result = sum + term;
     *lost = select(cgl_is_within(result, limit), term - (result - sum), Number(0));
@@ -53,6 +65,7 @@ using cgl_truth = Real::Mask;
 #include "cogless/duties.h"
 #include "cogless/foc.h"
 #include "cogless/foc_parts.h"
+#include "cogless/harmonic_parts.h"
 #include "cogless/monitor.h"
 #include "cogless/monitor_parts.h"
 #include "cogless/transform.h"
@@ -70,10 +83,15 @@ template <std::size_t... lane>
     return all;
 }
 
-// The lanes whose bits are set.
-template <std::size_t... lane>
-[[gnu::always_inline]] inline cgl_truth bits_of(std::uint32_t set, std::index_sequence<lane...>) {
-    return {((Real::Bits{} + static_cast<Real::Integer>(set)) & Real::Bits{(1 << lane)...}) != 0};
+// The lanes of a Wide whose bits are set.
+template <class Wide, std::size_t... lane>
+[[gnu::always_inline]] inline typename Wide::Mask mask_of(std::uint32_t set, std::index_sequence<lane...>) {
+    typename Wide::Mask mask;
+    for (std::size_t r = 0; r < std::size(mask.bits); ++r) {
+        const auto own = static_cast<typename Wide::Integer>(set >> (r * sizeof...(lane)));
+        mask.bits[r] = ((typename Wide::Bits{} + own) & typename Wide::Bits{(1 << lane)...}) != 0;
+    }
+    return mask;
 }
 
 [[gnu::always_inline]] inline Double as_doubles(const Real& x) {
@@ -85,25 +103,25 @@ template <std::size_t... lane>
     return all;
 }
 
+// These registers as one. If they went through the memory, the processor would wait until both are written.
+template <class Part>
+[[gnu::always_inline]] inline Part joined(const Part (&part)[1], auto) { return part[0]; }
+template <class Part, std::size_t... lane>
+[[gnu::always_inline]] inline auto joined(const Part (&part)[2], std::index_sequence<lane...>) {
+    return __builtin_shufflevector(part[0], part[1], lane...);
+}
+
 [[gnu::always_inline]] inline Real as_reals(const Double& x) {
     typedef Number Part __attribute__((vector_size(sizeof(Number) * doubles)));
     Part part[Real::lanes / doubles];
     for (std::size_t r = 0; r < std::size(part); ++r) part[r] = __builtin_convertvector(x.part[r], Part);
     Real all;
-    std::memcpy(&all, part, sizeof all);
+    all.part[0] = joined(part, each);
     return all;
 }
 
 [[gnu::always_inline]] inline const Double& at(const double* numbers, std::size_t lane) {
     return *reinterpret_cast<const Double*>(numbers + lane);
-}
-
-constexpr std::uint32_t every = (1U << Real::lanes) - 1U;
-constexpr auto each = std::make_index_sequence<Real::lanes>();
-
-// The bits of some of these lanes.
-[[gnu::always_inline]] inline std::uint32_t packed(const cgl_truth& some, const cgl_truth& of, std::uint32_t bits) {
-    return (of & !some).any() ? (of & some).packed() : bits & every;
 }
 
 // Writes a new number of these lanes, and returns the numbers before.
@@ -165,8 +183,7 @@ constexpr auto each = std::make_index_sequence<Real::lanes>();
     const Number* const* from = l.in.of + first;
     const auto input = [&](std::size_t n) __attribute__((always_inline)) { return gathered(from, n, each); };
     const cgl_foc_input in = {{input(0), input(1), input(2)}, Number(0), input(4), input(5), input(6), input(7)};
-    const cgl_truth asked = bits_of(lanes, each);
-    return packed(step(l, first, in, asked), asked, lanes);
+    return step(l, first, in, mask_of<Real>(lanes, each)).packed();
 }
 
 [[gnu::always_inline]] inline std::uint32_t step_some_quietly(LaneLoops& l, std::size_t first, std::uint32_t lanes) {
@@ -190,29 +207,90 @@ constexpr auto each = std::make_index_sequence<Real::lanes>();
     const cgl_truth stands = (d <= zero) & (d >= zero);
     const Real turned = at<Real>(l.ref_turned, first) + at<Real>(l.omega_ref, first) * at<Real>(l.period, first);
     const Real ref_turned = select(stands, turned, zero);
-    const cgl_truth asked = bits_of(lanes, each);
-    cgl_truth ordinary = asked & (finite > zero) & cgl_is_rotor_ordinary(&monitor, theta, d, omega) &
+    cgl_truth ordinary = mask_of<Real>(lanes, each) & (finite > zero) & cgl_is_rotor_ordinary(&monitor, theta, d, omega) &
                          (ref_turned * ref_turned <= at<Real>(l.doubt_square, first));
     if (l.monitor_phases != 0U) ordinary = ordinary & cgl_are_currents_ordinary(&monitor, in.i_abc, u_dc);
     const cgl_truth takes = step(l, first, in, ordinary);
     take(l.theta_sensor, first, takes, theta);
     take(l.ref_turned, first, takes, ref_turned);
-    return packed(takes, asked, lanes);
+    return takes.packed();
 }
 
 [[gnu::always_inline]] inline std::uint32_t watch_some(LaneLoops& l, std::size_t first, const double* theta_m, std::uint32_t lanes) {
-    const Double theta = at(theta_m, first), steps = theta / at<Double>(l.angle_step, first), count = at<Double>(l.count, first);
-    const Real same = as_reals(select((steps >= count) & (steps < count + 1.0), Double(1.0), Double(0.0)));
-    const cgl_truth asked = bits_of(lanes, each), stays = asked & (same > Real(Number(0)));
-    const std::uint32_t bits = packed(stays, asked, lanes);
-    if (bits == (lanes & every)) {
-        at<Double>(l.theta_before, first) = theta;
-    } else {
-        for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
-            if ((bits >> lane & 1U) != 0U) l.theta_before[first + lane] = theta[lane];
-        }
+    const Double& theta = at(theta_m, first);
+    const Double::Mask stays = mask_of<Double>(lanes, std::make_index_sequence<doubles>()) & (theta >= at<Double>(l.theta_low, first)) &
+                               (theta < at<Double>(l.theta_high, first));
+    Double& before = at<Double>(l.theta_before, first);
+    before = select(stays, theta, before);
+    return stays.packed();
+}
+
+using Square = Real::Register[Real::lanes];
+
+// The even entries of the result are those of a, from `from` on, and the odd ones those of b.
+template <std::size_t from, std::size_t... n>
+[[gnu::always_inline]] inline Real::Register zipped(const Real::Register& a, const Real::Register& b, std::index_sequence<n...>) {
+    return __builtin_shufflevector(a, b, (from + n / 2 + n % 2 * Real::lanes)...);
+}
+
+// Rows become columns, in log2 of their number steps: each step zips the first half of the rows with the second.
+template <std::size_t step = 1, std::size_t... n>
+[[gnu::always_inline]] inline void transpose(Square& rows, std::index_sequence<n...> all) {
+    constexpr std::size_t half = Real::lanes / 2;
+    const Square zips = {zipped<n % 2 * half>(rows[n / 2], rows[n / 2 + half], all)...};
+    ((rows[n] = zips[n]), ...);
+    if constexpr (step < half) transpose<2 * step>(rows, all);
+}
+
+// Calls f(at) for blocks of numbers, one for each lane, that together are those from `begin` to before `end` and perhaps some before.
+// Returns false if the numbers before `end` are too few for a block.
+template <class F>
+[[gnu::always_inline]] inline bool blocks(std::uint32_t begin, std::uint32_t end, const F& f) {
+    constexpr std::uint32_t size = Real::lanes;
+    if (end < size) return false;
+    for (; begin < end; begin += size) f(begin < end - size ? begin : end - size);
+    return true;
+}
+
+// Numbers from `begin` to before `end` of each lane's array.
+[[gnu::always_inline]] inline void read(const Number* const* of, std::uint32_t begin, std::uint32_t end, Real* all) {
+    const bool read = blocks(begin, end, [&](std::uint32_t at) __attribute__((always_inline)) {
+        Square rows;
+        for (std::size_t lane = 0; lane < Real::lanes; ++lane) std::memcpy(&rows[lane], of[lane] + at, sizeof rows[lane]);
+        transpose(rows, each);
+        for (std::size_t n = 0; n < Real::lanes; ++n) all[at + n].part[0] = rows[n];
+    });
+    for (; !read && begin < end; ++begin) all[begin] = gathered(of, begin, each);
+}
+
+// Puts these numbers into each lane's array. Those before `begin` are as they were read.
+[[gnu::always_inline]] inline void write(Number* const* of, std::uint32_t begin, std::uint32_t end, const Real* all) {
+    const bool written = blocks(begin, end, [&](std::uint32_t at) __attribute__((always_inline)) {
+        Square rows;
+        for (std::size_t n = 0; n < Real::lanes; ++n) rows[n] = all[at + n].part[0];
+        transpose(rows, each);
+        for (std::size_t lane = 0; lane < Real::lanes; ++lane) std::memcpy(of[lane] + at, &rows[lane], sizeof rows[lane]);
+    });
+    for (; !written && begin < end; ++begin) {
+        for (std::size_t lane = 0; lane < Real::lanes; ++lane) of[lane][begin] = all[begin][lane];
     }
-    return bits;
+}
+
+[[gnu::always_inline]] inline void sum_some(LaneOrders& o, std::size_t first) {
+    Real cosine[CGL_HARMONIC_ORDERS], sine[CGL_HARMONIC_ORDERS], gain[2 * CGL_HARMONIC_ORDERS];
+    read(o.cosine.of + first, 0, o.acting, cosine);
+    read(o.sine.of + first, 0, o.acting, sine);
+    read(o.gain.of + first, 2 * o.begin, 2 * o.end, gain);
+    read(o.gain.of + first, 2 * o.low, 2 * o.acting, gain);
+    const cgl_phasor lowest = {at<Real>(o.first_cosine, first), at<Real>(o.first_sine, first)};
+    cgl_orders orders = {cosine, sine, gain, o.begin, o.end, o.low, o.acting, lowest, at<Real>(o.loads, first), at<Real>(o.error, first),
+                         at<Real>(o.limit, first), at<Real>(o.phase_sum, first)};
+    at<Real>(o.sum, first) = cgl_sum_of_orders(&orders);
+    at<Real>(o.phase_sum, first) = orders.phase_sum;
+    write(o.cosine.of + first, o.begin, o.end, cosine);
+    write(o.sine.of + first, o.begin, o.end, sine);
+    write(o.cosine.of + first, o.low, o.acting, cosine);
+    write(o.sine.of + first, o.low, o.acting, sine);
 }
 
 // Calls f(first, lanes) for the lanes of one register after the other.
@@ -224,6 +302,11 @@ template <class F>
 }
 
 }  // namespace
+
+template <>
+void sum_orders<Lanes>(LaneOrders& orders) {
+    for (std::size_t first = 0; first < Lanes::lanes; first += Real::lanes) sum_some(orders, first);
+}
 
 template <>
 std::uint32_t step_loops<Lanes>(LaneLoops& loops, std::uint32_t lanes) {

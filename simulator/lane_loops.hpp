@@ -1,10 +1,11 @@
-// Periods of the current loop of several drives, each in a lane of the processor's vector registers. A lane's numbers are bit by bit
-// those of the control library, whose text lane_loops.cpp includes once more for vectors.
+// Periods of the current loop of several drives, and sums of the harmonic law's orders, each in a lane of the processor's vector
+// registers. A lane's numbers are bit by bit those of the control library, whose text lane_loops.cpp includes once more for vectors.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
+#include "cogless/harmonic.h"
 #include "cogless/real.h"
 #include "wide.hpp"
 
@@ -39,13 +40,26 @@ struct LaneLoops {
     Reals delayed;                          // 1: duty cycles act a period later; 0: at once
     Reals computed[3];                      // duty cycles of the last period
     Each<double> least_duty;                // see without_short_pulses()
-    Each<double> count, angle_step, theta_before;  // of a position sensor whose edges are timed: steps, rad, rad
+    // of a position sensor whose edges are timed: angles between which it stays at its count, and angle before, rad
+    Each<double> theta_low, theta_high, theta_before;
     Each<const cgl_real*> in;               // the numbers of cgl_foc_input, for step_loops(), which does not use its angle
     // each with a number for each lane: numbers that must be finite, the measured currents, A, and the duty cycles that act in this period
     const double *states[4], *measured[3];
     double* duty[3];
 };
 
+// Sums of the harmonic law's orders: see cgl_orders. All lanes have the same ranges of orders.
+struct LaneOrders {
+    std::uint32_t begin, end, low, acting;
+    LaneLoops::Each<cgl_real*> cosine, sine;
+    LaneLoops::Each<const cgl_real*> gain;
+    LaneLoops::Reals first_cosine, first_sine, loads, error, limit, phase_sum, sum;
+    cgl_real unused[2 * CGL_HARMONIC_ORDERS]{};  // for the pointers of a lane that has no sum
+};
+
+// Takes the sums of all lanes.
+template <class Lanes>
+void sum_orders(LaneOrders& orders);
 // Steps the loops of these lanes, lane n as bit n, and returns them, except for those whose reference or voltage is limited, and those
 // whose inputs are no plausible numbers. All other lanes stay as they are.
 template <class Lanes>

@@ -115,7 +115,8 @@ double draw_at_edge(std::uint64_t& state, std::size_t layer, double x) {
 
 template <class Real>
 static LaneKernel kernel(const char* name) {
-    return {name, Real::lanes, &Plants<Real>::make, &step_loops<Real>, &step_quietly<Real>, &watch<Real>};
+    return {name, Real::lanes, &Plants<Real>::make, &step_loops<Real>, &step_quietly<Real>, &watch<Real>,
+            &sum_orders<Real>};
 }
 
 std::vector<LaneKernel> lane_kernels() {

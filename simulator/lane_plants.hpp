@@ -53,6 +53,7 @@ struct LaneKernel {
     std::uint32_t (*step_loops)(LaneLoops& loops, std::uint32_t lanes);
     std::uint32_t (*step_quietly)(LaneLoops& loops, std::uint32_t lanes);
     std::uint32_t (*watch)(LaneLoops& loops, const double* theta_m, std::uint32_t lanes);
+    void (*sum_orders)(LaneOrders& orders);
 };
 
 // The kernels that this processor can run, the widest first.

@@ -20,9 +20,8 @@ struct Command {
     unsigned status = 0;
 };
 
-// The engine's input to a law: the control library's struct, and for a user's own law its values and some more as doubles.
+// The input to a user's own law. A law of the control library takes a cgl_law_input.
 struct LawInput {
-    cgl_law_input c;
     double time;              // s
     double omega_ref;         // rad/s
     double theta_ref;         // rad, wrapped to [0, the law's `turns`); in trials not wrapped

@@ -29,11 +29,11 @@ struct MicrosteppingLaw {
         require(cgl_microstepping_init(&s.law, &config), name, cgl_microstepping_bad_field(&config));
         return s;
     }
-    Command step(State& s, const LawInput& in) const {
+    Command step(State& s, const cgl_law_input& in) const {
         const cgl_microstepping_output& out = s.output;
-        cgl_microstepping_step(&s.law, in.c.theta_ref, in.c.omega_ref, &s.output);
-        if (in.off || !cgl_is_angle(in.c.theta_m)) return {0.0, 0.0, out.status};
-        const cgl_phasor rotor = cgl_phasor_of(config.teeth * cgl_turns(in.c.theta_m));
+        cgl_microstepping_step(&s.law, in.theta_ref, in.omega_ref, &s.output);
+        if (in.off || !cgl_is_angle(in.theta_m)) return {0.0, 0.0, out.status};
+        const cgl_phasor rotor = cgl_phasor_of(config.teeth * cgl_turns(in.theta_m));
         cgl_real i_d, i_q;
         cgl_park(out.i_a, out.i_b, rotor.sine, rotor.cosine, &i_d, &i_q);
         return {static_cast<double>(i_d), static_cast<double>(i_q), out.status};

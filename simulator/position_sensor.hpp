@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <limits>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "cogless/angle_observer.h"
@@ -144,7 +145,11 @@ public:
                config_.error_table.empty() && config_.latency <= 0.0;
     }
 
-    double step() const { return step_; }                                                           // rad per count
+    // Angles, rad, from the first of which to before the second the count surely stays: all but a rounding error of its step.
+    std::pair<double, double> bounds(const State& s) const {
+        const double low = static_cast<double>(s.count) * step_, high = static_cast<double>(s.count + 1) * step_;
+        return {low + 0x1p-50 * std::abs(low), high - 0x1p-50 * std::abs(high)};
+    }
     double angle(const State& s) const { return wrapped(static_cast<double>(s.count) * step_); }  // rad, that the sensor shows
 
     // Times the edges that the rotor passed on its way to theta_m, between the instants `from` and `to`.

@@ -63,10 +63,10 @@ struct TrialLaw : CLaw<trial_row> {
     }
 
     // Steps the law by one sample of a drive.
-    Command step(State& s, const LawInput& in) const {
+    Command step(State& s, const cgl_law_input& in) const {
         cgl_law_output output;
         set_pointers(s);
-        cgl_trial_drive_step(&s.law, &in.c, &output);
+        cgl_trial_drive_step(&s.law, &in, &output);
         return from_c(output);
     }
 

@@ -10,6 +10,7 @@ from engine import PI_ILC, RIPPLE, config, drive_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cogless import _simulator_f32
 from cogless import _simulator_f64 as engine
 
 KERNELS = range(len(engine.lane_kernels()))
@@ -230,6 +231,59 @@ def test_any_drive_is_the_same_in_a_lane(count: int, speed: float, friction: flo
     )
     for rows, lane in zip(alone(drives, 300), together(drives, [300], 0), strict=True):
         assert rows.tobytes() == lane.tobytes()
+
+
+HARMONIC = {"law": "harmonic", "config": {"pi": {"kp": 0.1, "ki": 1.0}, "b": 100.0, "base": 3, "rate": 20.0}}
+MISSING = {"faults": [{"kind": "angle-missing", "time": 0.15, "duration": 0.01}]}
+
+
+@pytest.mark.parametrize("module", [_simulator_f32, engine], ids=["single", "double"])
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    ("orders", "speeds", "change"),
+    [
+        (1, [10.0], {}),
+        (7, [10.0, -10.0], {}),
+        (24, [1.0], {}),
+        (24, [10.0, 10.0, 10.0, 30.0], {}),
+        (24, [100.0, 200.0], {}),
+        (128, [0.5, 0.6, 20.0], {}),
+        (24, [10.0], MISSING),
+    ],
+    ids=["one", "both ways", "slow", "most together", "fast and slow", "many", "without an angle"],
+)
+def test_sums_of_orders_taken_together_have_the_bits_of_each_alone(
+    module: Any, kernel: int, orders: int, speeds: list[float], change: dict[str, Any]
+) -> None:
+    """Lanes of other speeds have other slow and fast orders; in one case a lane has no angle for a while."""
+    count = module.lane_kernels()[kernel][1]
+    drives = []
+    for n in range(count):
+        speed = speeds[n % len(speeds)]
+        law = {**HARMONIC["config"], "orders": orders, "fast": orders // 2, "rate": 20.0 + n, "bends": n % 2}
+        law["limit"] = 0.01 if n % 3 == 2 else 0.0  # 0: the current limit
+        own = {"reference": {"kind": "constant", "speed": speed}, "initial_speed": speed, **change}
+        own = {key: value for key, value in own.items() if key != "faults" or n == 1}
+        settings = {
+            "motor": RIPPLE,
+            "seed": n,
+            "drive": {"position_sensor": ENCODER, "current_sensors": SENSORS},
+        }
+        drives.append(
+            drive_of(module, config({**settings, **own, "controller": {**HARMONIC, "config": law}}))
+        )
+    states = [drive.start() for drive in drives]
+    recorders = [module.Recorder(drive, 10) for drive in drives]
+    for ticks in (1499, 1001):
+        assert not any(module.advance_lanes(drives, states, recorders, ticks, kernel))
+    learned = []
+    for drive, state, recorder in zip(drives, states, recorders, strict=True):
+        alone, rows = drive.start(), module.Recorder(drive, 10)
+        drive.advance(alone, rows, 2500)
+        assert recorder.take().tobytes() == rows.take().tobytes()
+        assert drive.law_memory(state).tobytes() == drive.law_memory(alone).tobytes()
+        learned.append(np.abs(drive.law_memory(alone)[: 2 * orders]).max())
+    assert min(learned) > 1e-4
 
 
 def test_a_lane_that_fails_says_why_and_the_others_go_on() -> None:

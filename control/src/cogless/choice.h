@@ -1,5 +1,6 @@
 /* Words for conditions and choices. Text that uses them in place of `bool` and `?:` also compiles for several numbers at once: the
- * simulator includes transform.h, duties.h, foc_parts.h and monitor_parts.h once more, with vectors as cgl_real and its own choice.h. */
+ * simulator includes transform.h, duties.h, foc_parts.h, monitor_parts.h and harmonic_parts.h once more, with vectors as cgl_real and its
+ * own choice.h. */
 #ifndef COGLESS_CHOICE_H
 #define COGLESS_CHOICE_H
 

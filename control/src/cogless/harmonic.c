@@ -1,6 +1,7 @@
 #include "harmonic.h"
 
 #include "angle.h"
+#include "harmonic_parts.h"
 #include "range.h"
 #include "sine.h"
 #include "turns.h"
@@ -379,45 +380,32 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     law->next_gain = k + 1U;
 }
 
-/* Corrects one group of the slow orders by `loads`, and the fast orders that act by `error`. Returns T, the sum of the orders that act [A],
- * at `angle` [2^-32 turns], where the rotor will be when the current flows. */
-CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
+/* What a step computes before the sum of its orders. */
+typedef struct {
+    uint32_t angle;        /* where the rotor will be when the current flows [2^-32 turns] */
+    cgl_real loads, error; /* what slow orders learn from [turns/ts^2], and what fast orders learn from [turns]; 0: nothing is learned */
+    cgl_real omega_error;  /* error of the PI [rad/s] */
+} step_inputs;
+
+/* The orders that act at `angle` [2^-32 turns]. In each step, another group of the slow orders is corrected. */
+static cgl_orders orders_at(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
 {
     const uint32_t orders = law->config.orders, low = law->low, share = law->tick % SLOW_SHARES;
-    const cgl_real limit = law->config.limit;
-    cgl_real *const a = law->cosine, *const b = a + orders;
-    const cgl_real *const w = b + 2U * orders;
-    cgl_real sum = CGL_R(0.0), moved = CGL_R(0.0), seen = loads;
+    cgl_real *const cosine = law->cosine, *const sine = cosine + orders;
     cgl_phasor first;
     cgl_sincos_of_turns(law->config.base * angle, &first.sine, &first.cosine);
-    cgl_phasor at = first;
-    uint32_t k = 0U, begin = low * share / SLOW_SHARES, end = low * (share + 1U) / SLOW_SHARES;
-    for (uint32_t part = 0U; part < 2U; ++part) {
-        for (; k < begin; ++k) {
-            sum += a[k] * at.cosine + b[k] * at.sine;
-            at = cgl_product(at, first);
-        }
-        for (; k < end; ++k) {
-            const cgl_real p = seen * w[2U * k], q = seen * w[2U * k + 1U];
-            const cgl_real less = p * at.cosine + q * at.sine, more = q * at.cosine - p * at.sine;
-            moved += a[k] * more + b[k] * less;
-            const cgl_real cosine = cgl_clamp_here(a[k] - less, limit), sine = cgl_clamp_here(b[k] + more, limit);
-            a[k] = cosine;
-            b[k] = sine;
-            sum += cosine * at.cosine + sine * at.sine;
-            at = cgl_product(at, first);
-        }
-        if (part == 0U) {
-            law->bend.phase_sum += moved;
-        }
-        if (k >= law->acting) {
-            break;
-        }
-        begin = low;
-        end = law->acting;
-        seen = error;
-    }
-    return cgl_clamp(sum, limit);
+    const cgl_orders acting = {cosine, sine, sine + 2U * orders, low * share / SLOW_SHARES, low * (share + 1U) / SLOW_SHARES, low,
+                               law->acting, first, loads, error, law->config.limit, law->bend.phase_sum};
+    return acting;
+}
+
+/* Corrects orders, and returns T [A]. */
+CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
+{
+    cgl_orders orders = orders_at(law, angle, loads, error);
+    const cgl_real sum = cgl_sum_of_orders(&orders);
+    law->bend.phase_sum = orders.phase_sum;
+    return sum;
 }
 
 /* Whether the error is finite, and in position control whether theta_ref is a valid angle. The caller has checked theta_m. */
@@ -466,8 +454,8 @@ CGL_SELDOM static void set_learning(cgl_harmonic *law, bool may)
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
 }
 
-/* Steps observer, gains and orders. Returns the learned current [A] at the measured angle theta [2^-32 turns]. */
-static cgl_real learned_current(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
+/* Steps observer and gains at the measured angle theta [2^-32 turns]. `omega_error`: error of the PI [rad/s]. */
+static step_inputs observed(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, cgl_real omega_error)
 {
     if (!CGL_OFTEN(law->follows)) {
         start_observer(law, theta, in->omega_m);
@@ -477,12 +465,10 @@ static cgl_real learned_current(cgl_harmonic *law, const cgl_law_input *in, uint
     if ((law->tick & (pause - 1U)) == 1U) {
         make_gain(law, pause, in->gentle, cgl_abs(in->omega_ref));
     }
-    if (in->off) {
-        return CGL_R(0.0);
-    }
-    const uint32_t acts = cgl_turned(theta, law->omega * law->lead - law->bend.angle);
     const bool sees = CGL_OFTEN(law->learning);
-    return cgl_law_share(in) * sum_of_orders(law, acts, sees ? loads : CGL_R(0.0), sees ? error : CGL_R(0.0));
+    const step_inputs inputs = {cgl_turned(theta, law->omega * law->lead - law->bend.angle), sees ? loads : CGL_R(0.0),
+                                sees ? error : CGL_R(0.0), omega_error};
+    return inputs;
 }
 
 /* Does a step without a valid angle. */
@@ -495,6 +481,38 @@ CGL_SELDOM static void step_blind(cgl_harmonic *law, const cgl_law_input *in, cg
     step_otherwise(law, in, in->omega_ref - in->omega_m, out);
 }
 
+/* Does what comes before the sum of orders, in a step with a valid angle. */
+static step_inputs begin_step(cgl_harmonic *law, const cgl_law_input *in)
+{
+    const uint32_t theta = refine_angle(law, cgl_turns(in->theta_m), in->omega_m);
+    law->tick = (law->tick + 1U) % BEND_PERIOD;
+    law->bend.angle += law->bend.slope * law->omega;
+    if (law->tick == 0U && law->bends > 0U) {
+        update_bend(law, theta);
+    }
+    cgl_real error = in->omega_ref - in->omega_m + law->bend.slope * in->omega_m;
+    if (law->config.k_theta > CGL_R(0.0)) {
+        error += lag_of(law, in, theta);
+    }
+    const bool turns = cgl_abs(in->omega_ref) > CGL_R(0.0);
+    const bool may = in->learn && law->config.rate > CGL_R(0.0) && turns && !cgl_law_stands_by(in) && !law->pi.saturated
+                     && is_plausible(law, in, error);
+    if (!CGL_OFTEN(may && law->learning)) {
+        set_learning(law, may);
+    }
+    return observed(law, in, theta, error);
+}
+
+/* Does what comes after the sum of orders, in a step with a valid angle. */
+static void end_step(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, cgl_law_output *out)
+{
+    if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
+        out->status = 0U;
+    } else {
+        step_otherwise(law, in, error, out);
+    }
+}
+
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
     if (!CGL_OFTEN(law->pi.ready == CGL_READY)) {
@@ -505,30 +523,40 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
         forget_orders(law);
     }
     if (CGL_OFTEN(cgl_is_angle(in->theta_m))) {
-        const uint32_t theta = refine_angle(law, cgl_turns(in->theta_m), in->omega_m);
-        law->tick = (law->tick + 1U) % BEND_PERIOD;
-        law->bend.angle += law->bend.slope * law->omega;
-        if (law->tick == 0U && law->bends > 0U) {
-            update_bend(law, theta);
-        }
-        cgl_real error = in->omega_ref - in->omega_m + law->bend.slope * in->omega_m;
-        if (law->config.k_theta > CGL_R(0.0)) {
-            error += lag_of(law, in, theta);
-        }
-        const bool turns = cgl_abs(in->omega_ref) > CGL_R(0.0);
-        const bool may = in->learn && law->config.rate > CGL_R(0.0) && turns && !cgl_law_stands_by(in) && !law->pi.saturated
-                         && is_plausible(law, in, error);
-        if (!CGL_OFTEN(may && law->learning)) {
-            set_learning(law, may);
-        }
-        law->learned = learned_current(law, in, theta);
-        if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
-            out->status = 0U;
-        } else {
-            step_otherwise(law, in, error, out);
-        }
+        const step_inputs inputs = begin_step(law, in);
+        law->learned = in->off ? CGL_R(0.0) : cgl_law_share(in) * sum_of_orders(law, inputs.angle, inputs.loads, inputs.error);
+        end_step(law, in, inputs.omega_error, out);
     } else {
         step_blind(law, in, out);
     }
     set_current(law, in->off ? CGL_R(0.0) : out->i_q_ref - law->learned);
 }
+
+#ifdef COGLESS_SIMULATOR
+bool cgl_harmonic_begin(cgl_harmonic *law, const cgl_law_input *in, cgl_real *error, cgl_orders *orders);
+void cgl_harmonic_end(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, const cgl_orders *orders, cgl_real sum,
+                      cgl_law_output *out);
+
+/* Does the part of a step before the sum of orders. Returns false, and does nothing, for a step without a sum and for one that forgets;
+ * cgl_harmonic_step() is then to do it. `error`: of the PI [rad/s]. */
+bool cgl_harmonic_begin(cgl_harmonic *law, const cgl_law_input *in, cgl_real *error, cgl_orders *orders)
+{
+    if (law->pi.ready != CGL_READY || in->off || in->forget || !cgl_is_angle(in->theta_m)) {
+        return false;
+    }
+    const step_inputs inputs = begin_step(law, in);
+    *error = inputs.omega_error;
+    *orders = orders_at(law, inputs.angle, inputs.loads, inputs.error);
+    return true;
+}
+
+/* Does the rest of the step that cgl_harmonic_begin() has begun. */
+void cgl_harmonic_end(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, const cgl_orders *orders, cgl_real sum,
+                      cgl_law_output *out)
+{
+    law->bend.phase_sum = orders->phase_sum;
+    law->learned = cgl_law_share(in) * sum;
+    end_step(law, in, error, out);
+    set_current(law, out->i_q_ref - law->learned);
+}
+#endif
