@@ -12,7 +12,7 @@ import sys
 import sysconfig
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,11 @@ TICKS = 300_000  # 20 s of the drive with ripple
 
 # with sensors so fine, rounding flips no count, and two right programs follow the same path
 FINE_SENSORS = {"drive.position_sensor.lines": 1_000_000, "drive.current_sensors.bits": 24}
+
+# how many times as fast a tick in step with others must be at least, by instructions and law
+LANE_BARS = {"avx512": {"pi-ilc": 2.5, "harmonic": 2.0}, "avx2": {"pi-ilc": 2.2, "harmonic": 2.0}}
+LANE_TICKS = 2000  # of a piece
+LANE_ROUNDS = 100
 
 Signal = NDArray[np.float64]
 
@@ -400,6 +405,51 @@ def trials() -> None:
     report("    a tick", f"{1e9 * seconds / ticks:.0f} ns")
 
 
+def lane_nanoseconds(drives: list[Any]) -> dict[int | None, float]:
+    """The best time of a tick [ns], by kernel; None: each drive alone."""
+
+    def pieces(kernel: int | None) -> Iterator[float]:
+        states, recorders = (
+            [drive.start() for drive in drives],
+            [native.Recorder(drive, 4) for drive in drives],
+        )
+        while True:
+            begun = time.perf_counter()
+            if kernel is None:
+                for drive, state, recorder in zip(drives, states, recorders, strict=True):
+                    drive.advance(state, recorder, LANE_TICKS)
+            else:
+                size = native.lane_kernels()[kernel][1]
+                for some in (slice(first, first + size) for first in range(0, len(drives), size)):
+                    native.advance_lanes(drives[some], states[some], recorders[some], LANE_TICKS, kernel)
+            taken = time.perf_counter() - begun
+            for recorder in recorders:
+                recorder.take()
+            yield 1e9 * taken / LANE_TICKS / len(drives)
+
+    runs = {kernel: pieces(kernel) for kernel in (None, *range(len(native.lane_kernels())))}
+    times = [{kernel: next(run) for kernel, run in runs.items()} for _ in range(LANE_ROUNDS)]
+    return {kernel: min(piece[kernel] for piece in times) for kernel in runs}
+
+
+def lane_ticks() -> None:
+    heading("Lanes: 8 variants of uomodri in step, a tick of each; the best of many short pieces, in turns")
+    base = cogless.load("uomodri", {"scenario.slow.duration": "10 s"})
+    inertias = [f"{6e-6 * (0.8 + 0.05 * n)} kg*m^2" for n in range(8)]
+    changes = [{"scenario.slow.override": {"mechanics.inertia": inertia}} for inertia in inertias]
+    studies = [cogless.changed(base, change) for change in changes]
+    for law in ("pi-ilc", "harmonic"):
+        best = lane_nanoseconds([native.Drive(engine_config(study, "slow", law), None) for study in studies])
+        report(f"{law} alone", f"{best[None]:.0f} ns")
+        for kernel, (name, _) in enumerate(native.lane_kernels()):
+            factor, bar = best[None] / best[kernel], LANE_BARS.get(name, {}).get(law)
+            report(f"    {name}", f"{best[kernel]:.0f} ns")
+            passed = None if bar is None else factor >= bar
+            report(
+                "        as many times as fast", f"{factor:.2f}", "" if bar is None else f">= {bar}", passed
+            )
+
+
 def lanes() -> None:
     count = 64
     heading(f"Lanes: {count} variants of uomodri's PI-ILC, 1 s each, from the changed study to its metrics")
@@ -431,6 +481,7 @@ def lanes() -> None:
 def main() -> None:
     print("CPU time, one process, one core, medians. Lower is better except where a bar says otherwise.")
     engine()
+    lane_ticks()
     lanes()
     trials()
     competitors()
