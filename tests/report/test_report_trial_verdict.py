@@ -277,7 +277,7 @@ def learning(**values):
         (
             1 + FACTOR_ROUNDING,
             1 + 2 * GROWTH_ROUNDING,
-            "from the trial's ends the error may grow by the factor 1 + 2.0e-04",
+            "near the beginning or the end of a trial the error may grow by the factor 1 + 2.0e-04",
         ),
         (1 + FACTOR_ROUNDING, 1 + GROWTH_ROUNDING, PHI),
         (1 + FACTOR_ROUNDING, None, PHI),

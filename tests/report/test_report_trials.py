@@ -158,7 +158,7 @@ FALLS, GROWS, LOST = falls(3.0), 0.4 * 1.1 ** np.arange(60.0), np.full(60, np.na
 EVERY = "within 3 trials after every change"
 LOAD, CHANGE = "after the load change (trial 21)", "after the change of reference and inertia (trial 41)"
 GROWN = "its RMS grows from 0.484 mrad to 2.02 mrad by trial 20."
-UNRANKED = "The ranking is without ILC into the input, whose error grows over the trials."
+UNRANKED = "ILC into the input is not ranked: its error grows over the trials."
 
 
 def but(value, *trials):
@@ -334,7 +334,11 @@ def test_verdict_tells_what_the_certificate_says(made):
 @pytest.mark.parametrize(
     ("growth", "why"),
     [
-        (1.5, "from the trial's ends the error may grow by the factor 1.50 from one trial to the next"),
+        (
+            1.5,
+            "near the beginning or the end of a trial the error may grow by the factor 1.50 from one "
+            "trial to the next",
+        ),
         (0.9, "the matrix Φ of trial and learning together has a pole outside the unit circle"),
     ],
 )

@@ -92,8 +92,10 @@ def _contenders(c: Case, ranked: Sequence[str]) -> list[str]:
 def _unranked(c: Case, ranked: Sequence[str]) -> str:
     """A sentence on the controllers that the ranking leaves out, since their error grows."""
     growing = [name for name in ranked if name in c.growing]
-    errors = "error grows" if len(growing) == 1 else "errors grow"
-    return f"The ranking is without {c.labels(growing)}, whose {errors} over the trials." if growing else ""
+    if not growing:
+        return ""
+    why = "is not ranked: its error grows" if len(growing) == 1 else "are not ranked: their errors grow"
+    return _capital(c, f"{c.labels(growing)} {why} over the trials.")
 
 
 def _saturates(c: Case, best: str) -> str:
@@ -438,7 +440,7 @@ def _growing(model: ModelCertificate, learning: Learning) -> str:
     if learning.norm > 1 + FACTOR_ROUNDING:
         where, factor = f"at {number(learning.frequency)} Hz", learning.norm
     elif model.growth is not None and model.growth > 1 + GROWTH_ROUNDING:
-        where, factor = "from the trial's ends", model.growth
+        where, factor = "near the beginning or the end of a trial", model.growth
     else:
         return "the matrix Φ of trial and learning together has a pole outside the unit circle"
     return f"{where} the error may grow by the factor {close_to_one(factor)} from one trial to the next"
