@@ -283,6 +283,8 @@ private:
     template <std::size_t legs, bool alone = true>
     bool control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
                  const Faults& faults, Controller* other, OrderSum* orders = nullptr) const;
+    // The parts of the law's step before and after a sum of orders. begin_law() returns false, and does nothing, if there is no sum.
+    bool begin_law(DriveState& state, OrderSum& orders) const;
     template <std::size_t legs>
     void end_law(DriveState& state, const OrderSum& orders) const;
     void sample_reference(DriveState& state, const Phase& phase, std::int64_t origin) const;

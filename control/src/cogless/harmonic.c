@@ -532,7 +532,7 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
     set_current(law, in->off ? CGL_R(0.0) : out->i_q_ref - law->learned);
 }
 
-#ifdef COGLESS_SIMULATOR
+#ifdef COGLESS_WITH_LANES
 bool cgl_harmonic_begin(cgl_harmonic *law, const cgl_law_input *in, cgl_real *error, cgl_orders *orders);
 void cgl_harmonic_end(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, const cgl_orders *orders, cgl_real sum,
                       cgl_law_output *out);

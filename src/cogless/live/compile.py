@@ -36,7 +36,7 @@ def compiled(sources: Path, target: Path, precision: str) -> None:
     """
     library, simulator = sources / "control" / "src", sources / "simulator"
     defines = ["-DCOGLESS_DOUBLE"] if precision == "double" else []
-    common = [*FLAGS, "-DCOGLESS_SIMULATOR", *defines, f"-I{library}", f"-I{simulator}"]
+    common = [*FLAGS, *defines, f"-I{library}", f"-I{simulator}"]
     c = ["cc", *common, "-std=c99"]
     # an exception only has to reach the host; web.cpp defines the functions that a throw calls
     cpp = ["c++", *common, "-fexceptions", "-std=c++20"]

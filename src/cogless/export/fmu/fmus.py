@@ -172,6 +172,7 @@ static const cgl_real *motion_of(uint64_t tick)
 # Sources of the engine that an FMU doesn't need: only Python or a page uses them.
 PYTHON = (
     "bindings.cpp",
+    "drive_lanes.hpp",
     "python_value.hpp",
     "linear_trials.cpp",
     "lane_loops.cpp",
