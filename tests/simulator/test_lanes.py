@@ -240,7 +240,7 @@ MISSING = {"faults": [{"kind": "angle-missing", "time": 0.15, "duration": 0.01}]
 @pytest.mark.parametrize("module", [_simulator_f32, engine], ids=["single", "double"])
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize(
-    ("orders", "speeds", "change"),
+    ("orders", "speeds", "of_one"),
     [
         (1, [10.0], {}),
         (7, [10.0, -10.0], {}),
@@ -249,29 +249,37 @@ MISSING = {"faults": [{"kind": "angle-missing", "time": 0.15, "duration": 0.01}]
         (24, [100.0, 200.0], {}),
         (128, [0.5, 0.6, 20.0], {}),
         (24, [10.0], MISSING),
+        (24, [10.0], {"controller": PI_ILC}),
     ],
-    ids=["one", "both ways", "slow", "most together", "fast and slow", "many", "without an angle"],
+    ids=[
+        "one",
+        "both ways",
+        "slow",
+        "most together",
+        "fast and slow",
+        "many",
+        "without an angle",
+        "another law",
+    ],
 )
 def test_sums_of_orders_taken_together_have_the_bits_of_each_alone(
-    module: Any, kernel: int, orders: int, speeds: list[float], change: dict[str, Any]
+    module: Any, kernel: int, orders: int, speeds: list[float], of_one: dict[str, Any]
 ) -> None:
-    """Lanes of other speeds have other slow and fast orders; in one case a lane has no angle for a while."""
-    count = module.lane_kernels()[kernel][1]
+    """Lanes of other speeds have other slow and fast orders; `of_one` changes one lane."""
     drives = []
-    for n in range(count):
+    for n in range(module.lane_kernels()[kernel][1]):
         speed = speeds[n % len(speeds)]
         law = {**HARMONIC["config"], "orders": orders, "fast": orders // 2, "rate": 20.0 + n, "bends": n % 2}
         law["limit"] = 0.01 if n % 3 == 2 else 0.0  # 0: the current limit
-        own = {"reference": {"kind": "constant", "speed": speed}, "initial_speed": speed, **change}
-        own = {key: value for key, value in own.items() if key != "faults" or n == 1}
         settings = {
             "motor": RIPPLE,
             "seed": n,
             "drive": {"position_sensor": ENCODER, "current_sensors": SENSORS},
+            "reference": {"kind": "constant", "speed": speed},
+            "initial_speed": speed,
+            "controller": {**HARMONIC, "config": law},
         }
-        drives.append(
-            drive_of(module, config({**settings, **own, "controller": {**HARMONIC, "config": law}}))
-        )
+        drives.append(drive_of(module, config({**settings, **(of_one if n == 1 else {})})))
     states = [drive.start() for drive in drives]
     recorders = [module.Recorder(drive, 10) for drive in drives]
     for ticks in (1499, 1001):
