@@ -521,8 +521,8 @@ def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.Ca
         "Warning: controller.fair: with cells = 30 a wave of order 24 (mechanical) has only 1.25 cells"
     )
     readme = (tmp_path / "out" / "README.md").read_text()
-    (listed,) = re.findall(r"\n`cogless design` says about the learning:\n\n((?:- .*\n)+)\n##", readme)
-    assert "; ".join(line.removeprefix("- ") for line in listed.splitlines()).startswith(said[1])
+    (listed,) = re.findall(r"\n`cogless design` says about the learning:\n\n- ((?:.+\n)+)\n##", readme)
+    assert listed.replace("\n- ", "; ").replace("\n  ", " ").startswith(said[1])
     footer = (tmp_path / "out" / "fair_controller.c").read_text().split("What `cogless design` finds")[1]
     assert f"learning.verdict = {said[1]}" in footer and " unstable" not in footer
 
@@ -540,8 +540,8 @@ def test_the_readme_lists_what_holds_at_each_speed(
     """With `harmonic` the verdict has a statement on each speed. No line has two of them."""
     options = ("--controller", "harmonic", "--to", "c", "-o", tmp_path / "out")
     assert cogless(capsys, "export", "uomodri", *options)[0] == 0
-    readme = (tmp_path / "out" / "README.md").read_text().splitlines()
-    listed = readme[readme.index("`cogless design` says about the learning:") + 2 :]
+    readme = (tmp_path / "out" / "README.md").read_text()
+    listed = readme.split("`cogless design` says about the learning:\n\n")[1].replace("\n  ", " ").split("\n")
     starts = ["- learns orders 6, ", "- at 15 rpm ", "- at 240 rpm ", "- learns up to ", "- learns an ecc"]
     assert [line.startswith(start) for line, start in zip(listed, starts, strict=False)] == [True] * 5
     assert listed[5] == ""

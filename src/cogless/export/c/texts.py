@@ -259,8 +259,8 @@ def _template_words(subject: Subject) -> dict[str, str]:
 
 def verdict_list(verdict: Sequence[str]) -> str:
     """The verdict of `cogless design` on learning, as a list for a README; empty without a verdict."""
-    lines = "".join(f"- {statement}\n" for statement in verdict)
-    return f"\n`cogless design` says about the learning:\n\n{lines}" if verdict else ""
+    lines = [textwrap.fill(one, 118, initial_indent="- ", subsequent_indent="  ") for one in verdict]
+    return "\n".join(["\n`cogless design` says about the learning:\n", *lines, ""]) if verdict else ""
 
 
 def verdict_comment(verdict: Sequence[str]) -> str:
