@@ -73,9 +73,11 @@ def _table_commands(study: Study, name: str, changes: list[str]) -> Iterator[tup
 
     `name`: of the study, as in the command line. A plan takes no `changes`.
     """
-    from cogless.drives.registry import ADAPTERS, script_files
+    drive = None
+    if study.drive.make is not None:  # else the module, which is slow to load, is not needed
+        from cogless.drives.registry import ADAPTERS, script_files
 
-    drive = ADAPTERS.get(study.drive.make or "")
+        drive = ADAPTERS.get(study.drive.make)
     if drive is None:
         yield ["drives"], "drives that take a table of currents"
         return
