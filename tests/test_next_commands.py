@@ -45,6 +45,56 @@ def test_the_best_controller_is_exported(tmp_path: Path, capsys: pytest.CaptureF
     assert code == 0 and "cogging table" in out
 
 
+def test_no_controller_is_exported_where_all_are_alike(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A coarse encoder hides the cogging from the law that learns."""
+    written(tmp_path, request("gimbal", "moteus", "incremental", speed=60))
+    commands = suggested(capsys, "mine.toml", "--no-limits")
+    code, out, _ = cogless(capsys, "run", "mine.toml", "--no-limits", "-o", "out")
+    assert code == 0 and "all are alike: " in out
+    assert [name for name, *_ in commands] == ["identify"]
+
+
+@pytest.mark.parametrize(
+    ("drive", "last"),
+    [
+        ("odrive", ["identify", "--plan", "mine.toml", "--drive", "odrive"]),
+        ("moteus", ["identify", "--plan", "mine.toml", "--drive", "moteus"]),
+        ("vesc", []),
+        ("generic", ["drives"]),
+    ],
+)
+def test_the_way_to_a_table_is_that_of_the_drive(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], drive: str, last: list[str]
+) -> None:
+    """A VESC takes no table. ODrive takes none, either, but code of the user's own may add its currents."""
+    written(tmp_path, request("gimbal", drive, "as5047", speed=60))
+    commands = suggested(capsys, "mine.toml", "--no-limits", "--only", "*/pi")
+    assert commands == ([last] if last else [])
+    if "--plan" in last:
+        assert cogless(capsys, *last)[0] == 0
+        assert (tmp_path / "results" / "plan" / f"record_{drive}.py").is_file()
+    changed = suggested(capsys, "mine.toml", "--no-limits", "--only", "*/pi", "--set", "seed=1")
+    takes_table = {"moteus": [["drives"]], "generic": [["drives"]]}  # a plan takes no changes
+    assert changed == takes_table.get(drive, [])
+
+
+def test_a_comment_that_is_too_wide_stands_in_a_line_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written(tmp_path, request("gimbal", "odrive", "as5047", speed=60))
+    options = ("run", "mine.toml", "--no-limits", "--only", "*/pi", "-o", "out")
+    monkeypatch.setattr("cogless.lines.terminal_columns", lambda *_: 80)
+    narrow = cogless(capsys, *options)[1].splitlines()[-2:]
+    assert narrow == [
+        "Next: cogless identify --plan mine.toml --drive odrive",
+        "    # a script that records logs, for a table of currents in code of your own",
+    ]
+    monkeypatch.setattr("cogless.lines.terminal_columns", lambda *_: 200)
+    assert cogless(capsys, *options)[1].splitlines()[-1] == f"{narrow[0]}  {narrow[1].strip()}"
+
+
 def test_one_controller_alone_is_not_the_best(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     studies.write(tmp_path)
     assert suggested(capsys, "study.toml", "--no-limits", "--only", "*/pi") == [["drives"]]

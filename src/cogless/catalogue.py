@@ -46,6 +46,13 @@ def sensor_bits() -> Mapping[str, int]:
     return {part["about"].partition(",")[0]: part["bits"]["typical"] for part in named}
 
 
+@cache
+def edge_timers() -> Mapping[str, bool]:
+    """Whether each drive of `cogless new` has a clock that times edges, by the drive's name there."""
+    parts = tomllib.loads(shipped("parts")["drives"].read_text(encoding="utf-8"))
+    return {name: "timer" in part for name, part in parts.items()}
+
+
 def show() -> None:
     """Print the catalogue."""
     bold, plain = ("\033[1m", "\033[0m") if sys.stdout.isatty() else ("", "")

@@ -208,3 +208,14 @@ def test_nothing_is_learned_from_a_trial_with_a_bad_sample(precision, bad):
         assert trial.step(0.1)[1] & library.lib.CGL_STATUS_FROZEN
     assert not library.lib.cgl_trial_end(trial.state)
     assert not trial.memory[:50].any()
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(("step", "learns"), [(0, True), (1, True), (2, False), (5, False)])
+def test_the_guard_takes_the_sign_from_robust_ilc_from_step_2_on(precision, step, learns):
+    """With beta_1 alone, nothing is left to learn (docs/laws/guard.md)."""
+    law = Law(control_library(precision), "robust_ilc", beta_1=2.0, beta_2=0.0)
+    law.input.gentle = step
+    for _ in range(1500):
+        law.step()
+    assert bool(np.any(law.rows)) is learns

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
+import studies
+from cogless.catalogue import edge_timers
 from cogless.design import warnings
+from cogless.design.gentler import timed_edges
 from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.ripple import Sampled
+from cogless.study.drive import Make
 from cogless.study.position_sensor import Encoder
 
 FIRM = Margins(True, 100.0, 1.0, 3.0, 300.0)
@@ -149,3 +154,16 @@ def test_within_a_count_of_a_rest_there_is_no_motion_to_see(
     monkeypatch.setattr(warnings, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
     monkeypatch.setattr(warnings, "course", lambda scenario: sampling)
     assert warnings.slowest_held_speed(study, "s") == pytest.approx(slowest)
+
+
+@pytest.mark.parametrize(("make", "times"), [(None, True), ("generic", True), ("odrive", False)])
+def test_edges_are_timed_unless_the_drive_is_known_to_have_no_clock_for_it(
+    tmp_path: Path, make: str | None, times: bool
+) -> None:
+    sensor = {"drive.position_sensor": {"kind": "encoder", "lines": 500}}
+    study = studies.study(tmp_path, sensor if make is None else {**sensor, "drive.make": make})
+    assert (timed_edges(study) is not None) is times
+
+
+def test_the_makes_of_drives_are_those_of_new() -> None:
+    assert get_args(Make) == tuple(edge_timers())

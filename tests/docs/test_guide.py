@@ -10,6 +10,8 @@ from typing import Any, Literal, get_args, get_origin
 
 import pytest
 
+from cogless.design.ripple import HARMFUL_RATIO
+from cogless.design.speed_loop import BELIEF_FACTORS
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Base
 from cogless.study.position_sensor import Absolute, Encoder
@@ -156,3 +158,10 @@ def test_no_line_of_a_page_is_taken_for_a_comment() -> None:
         if "_build" not in path.parts:
             text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
             assert not re.search(r"^ *%", text, re.MULTILINE), path
+
+
+def test_the_page_gives_the_bounds_beyond_which_an_answer_is_not_sure() -> None:
+    lines = (GUIDE / "command-line.md").read_text("utf-8").splitlines()
+    (row,) = (line for line in lines if line.startswith("| not sure |"))
+    assert f"more than {HARMFUL_RATIO:g} times that of the feedback alone" in row
+    assert f"less than {min(BELIEF_FACTORS):g} or more than {max(BELIEF_FACTORS):g}" in row

@@ -520,7 +520,9 @@ def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.Ca
     assert size.startswith(
         "Warning: controller.fair: with cells = 30 a wave of order 24 (mechanical) has only 1.25 cells"
     )
-    assert said[1] in (tmp_path / "out" / "README.md").read_text()
+    readme = (tmp_path / "out" / "README.md").read_text()
+    (listed,) = re.findall(r"\n`cogless design` says about the learning:\n\n- ((?:.+\n)+)\n##", readme)
+    assert listed.replace("\n- ", "; ").replace("\n  ", " ").startswith(said[1])
     footer = (tmp_path / "out" / "fair_controller.c").read_text().split("What `cogless design` finds")[1]
     assert f"learning.verdict = {said[1]}" in footer and " unstable" not in footer
 
@@ -528,10 +530,21 @@ def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.Ca
 def test_an_export_of_what_settles_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ("--controller", "pi-ilc", "--to", "c", "-o", tmp_path / "out")
     assert cogless(capsys, "export", "uomodri", *options)[2] == ""
-    assert (
-        "| verdict of `cogless design` | settles; learns up to 25000 rpm |"
-        in (tmp_path / "out" / "README.md").read_text()
-    )
+    listed = "\n\n`cogless design` says about the learning:\n\n- settles\n- learns up to 25000 rpm\n\n## What"
+    assert listed in (tmp_path / "out" / "README.md").read_text()
+
+
+def test_the_readme_lists_what_holds_at_each_speed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With `harmonic` the verdict has a statement on each speed. No line has two of them."""
+    options = ("--controller", "harmonic", "--to", "c", "-o", tmp_path / "out")
+    assert cogless(capsys, "export", "uomodri", *options)[0] == 0
+    readme = (tmp_path / "out" / "README.md").read_text()
+    listed = readme.split("`cogless design` says about the learning:\n\n")[1].replace("\n  ", " ").split("\n")
+    starts = ["- learns orders 6, ", "- at 15 rpm ", "- at 240 rpm ", "- learns up to ", "- learns an ecc"]
+    assert [line.startswith(start) for line, start in zip(listed, starts, strict=False)] == [True] * 5
+    assert listed[5] == ""
 
 
 def test_the_command_that_made_it_makes_it_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

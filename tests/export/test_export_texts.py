@@ -224,7 +224,7 @@ def test_a_law_that_learns_nothing_has_no_memory(subject: Subject) -> None:
     words = _template_words(subject)
     told = {
         "law_rate": "1000", "learning": "none", "reset_comment": "As after init.", "memory_text": "none",
-        "memory_member": "", "memory_define": "", "matrix": "", "verdict_row": "", "verdict_comment": "",
+        "memory_member": "", "memory_define": "", "matrix": "", "verdict_list": "", "verdict_comment": "",
         "flags": "-std=c99 -O2 -ffp-contract=off -DCOGLESS_NO_TEXTS -DCOGLESS_NO_GUARD",
         "defines": ", `-DCOGLESS_NO_TEXTS`, `-DCOGLESS_NO_GUARD`",
         "precision": "single", "title": "A small drive", "law": "pi", "pad": "  ", "stem": "pi_controller",
@@ -241,9 +241,10 @@ def test_texts_of_a_study_end_no_comment_of_c() -> None:
     assert (
         first.splitlines()[1:] == [" *     word word word * /"] and max(map(len, first.splitlines())) <= 118
     )
-    assert verdict_comment("settles") == " * learning         settles\n" and verdict_comment("") == ""
-    wrapped = verdict_comment("word " * 25).splitlines()
-    assert wrapped[1].startswith(" *                  word") and len(wrapped) == 2
+    assert verdict_comment(["settles"]) == " * learning         settles\n" and verdict_comment([]) == ""
+    wrapped = verdict_comment(["word " * 25, "*/"]).splitlines()
+    assert wrapped[1].startswith(" *                  word") and len(wrapped) == 3
+    assert wrapped[2] == " *                  * /"
     assert matrix_array("pi", None, "f") == ""
 
 

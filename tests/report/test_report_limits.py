@@ -111,7 +111,7 @@ def test_the_best_setting_is_told_and_a_part_only_if_it_leaves_clearly_less(resu
     cause = [("sensor-steps", 1.0)]
     key = "drive.position_sensor"
     observed = f'{key}.speed_method = "observer" and {key}.observer_bandwidth = "50 Hz"'
-    table = f"{observed} and without {key}.window"
+    table = f"{observed} and {key}.window= (deletes this key)"
     assert told(results, cause, [(bits, 1.0, False), (observer, 4.0, True)]).endswith(
         f"A setting that was tried: {table} left 4.00 rpm. "
         "Other hardware that was tried: drive.position_sensor.bits = 14 (AS5047P, AS5048A, MT6701) "
@@ -152,6 +152,11 @@ def test_edges_are_timed_only_by_a_drive_that_can(results):
         results, [("sensor-steps", 1.0)], [({"drive.position_sensor.speed_method": "MT"}, 1.0, True)]
     )
     assert 'speed_method = "MT" (if the drive can time edges) left 1.00 rpm.' in timed
+    own_board = replace(results, study=changed(results.study, {"drive.make": "generic"}))
+    timed = told(
+        own_board, [("sensor-steps", 1.0)], [({"drive.position_sensor.speed_method": "MT"}, 1.0, True)]
+    )
+    assert 'speed_method = "MT" left 1.00 rpm.' in timed
 
 
 def test_what_a_change_costs_is_told(results):
@@ -170,12 +175,15 @@ def test_what_a_change_costs_is_told(results):
     [
         {"drive.position_sensor.bits": 14, "drive.rates.speed_loop": "2 kHz"},
         {"drive.bus": {"delay_measured": "1 ms"}},
+        {"drive.position_sensor": WINDOW},
         {'controller."high"': {"law": "pi", "kp": "0.1 A*s/rad", "ki": "1 A/rad"}},
         {'scenario."turn".override': {"drive.position_sensor.bits": 14}},
     ],
 )
 def test_each_part_of_a_change_can_be_set_as_it_stands(results, changes):
-    parts = setting(results.study, changes).split(" and ")
+    parts = [
+        part.removesuffix(" (deletes this key)") for part in setting(results.study, changes).split(" and ")
+    ]
     wanted = changed(results.study, changes)
     assert changed(results.study, changes_from(parts)).source.tables == wanted.source.tables
 

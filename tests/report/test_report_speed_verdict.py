@@ -123,6 +123,41 @@ def test_the_best_law_stands_beside_itself_with_learning_off(study, off, tone, s
     assert room._headline(of_order) == room._headline(case(study, line(pi=2, ilc=1)))
 
 
+BEST = {  # the controller to take; the baseline is the PI as published
+    "": [
+        {"ilc": 1, "fair": 2},  # no baseline
+        {"pi": 1, "fair": 2, "missed": ["pi", "fair"]},
+        {"pi": 1, "ilc": 0.5, "unlearned": ["ilc"]},
+        {"pi": 1, "ilc": 1.05},
+        {"pi": 1.05, "ilc": 1},
+        {"pi": 1.04, "ilc": 1, "fair": 2},
+    ],
+    "pi": [{"pi": 1, "ilc": 0.5, "missed": ["ilc"]}, {"pi": 1, "fair": 2, "ilc": 3}],
+    "ilc": [{"pi": 2, "fair": 1.5, "ilc": 1}, {"pi": 9, "ilc": 1, "fair": 2, "missed": ["pi"]}],
+    "fair": [{"pi": 2, "fair": 1.04, "ilc": 1}, {"pi": 2, "fair": 1, "ilc": 3}],
+}
+
+
+@pytest.mark.parametrize(("best", "values"), [(best, one) for best, all_ in BEST.items() for one in all_])
+def test_the_best_is_what_the_headline_calls_so(study, best, values):
+    """Where a learner ties with a law that does not learn, its learning is not worth it."""
+    of_lines = case(study, line(**values))
+    assert room._best(of_lines, room._headline(of_lines)[0]) == NAMES.get(best, "")
+
+
+@pytest.mark.parametrize(
+    ("off", "missed", "best"),
+    [(1.02, [], ""), (0.8, [], ""), (4.0, [], "pi-ilc"), (None, [], "pi-ilc"), (1.02, ["pi"], "pi-ilc")],
+)
+def test_a_law_whose_learning_does_not_help_is_not_the_best(study, off, missed, best):
+    """Unless it alone holds the speed."""
+    metric = next(m for m in study.metrics_in("low-speed") if m.name == "speed_ripple")
+    value = None if off is None else off * np.pi / 30
+    beside = LearningOff("low-speed", "pi-ilc", result_name(metric), None, value)
+    of_learning = replace(case(study, line(pi=2, ilc=1, missed=missed)), off=beside)
+    assert room._best(of_learning, room._headline(of_learning)[0]) == best
+
+
 def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):
     dip = line("dip", "dip", pi=4, fair=2.04, ilc=2)
     assert room._headline(case(study, dip))[1] == (

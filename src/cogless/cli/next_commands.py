@@ -14,6 +14,7 @@ from cogless.cli.terminal import program
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.results import AnyResults, Results
+from cogless.study import Study
 
 COMMANDS_MOST = 2  # suggested commands
 FIRMWARE = "firmware"  # folder of the suggested export
@@ -24,14 +25,22 @@ def next_lines(results: AnyResults, study: str, changes: list[str] | None) -> li
     """At most `COMMANDS_MOST` commands. `study`, `changes`: of the command that made the results."""
     lines: list[str] = []
     for words, comment in islice(_commands(results, study, [*(changes or ())]), COMMANDS_MOST):
-        lines += _broken(f"{'  or' if lines else 'Next'}: {program()}", words)
-        lines[-1] += comment
+        command = _broken(f"{'  or' if lines else 'Next'}: {program()}", words)
+        if comment and len(f"{command[-1]}  # {comment}") <= _columns():
+            command[-1] += f"  # {comment}"
+        elif comment:
+            command.append(f"    # {comment}")
+        lines += command
     return lines
+
+
+def _columns() -> float:
+    return text_lines.terminal_columns() or math.inf
 
 
 def _broken(start: str, words: Sequence[str]) -> list[str]:
     """A command in lines that fit the terminal, and are one command for a shell."""
-    lines, columns = [start], text_lines.terminal_columns() or math.inf
+    lines, columns = [start], _columns()
     for word in map(shlex.quote, words):
         if len(f"{lines[-1]} {word}{GOES_ON}") > columns:
             lines[-1] += GOES_ON
@@ -41,7 +50,7 @@ def _broken(start: str, words: Sequence[str]) -> list[str]:
 
 
 def _commands(results: AnyResults, study: str, changes: list[str]) -> Iterator[tuple[list[str], str]]:
-    """Words of commands, with comments: hold a lost speed, export the best controller, find the own drive."""
+    """Words of commands, with comments: hold a lost speed, export the best law, a table for the drive."""
     from cogless.report import best_controller
     from cogless.study.toml import toml
 
@@ -56,7 +65,33 @@ def _commands(results: AnyResults, study: str, changes: list[str]) -> Iterator[t
         options = ["--controller", best, "--to", "c", "-o", FIRMWARE]
         yield command_words("export", study, changes, options), ""
     if study not in shipped("studies"):
-        yield ["drives"], "  # drives that take a table of currents"
+        yield from _table_commands(results.study, study, changes)
+
+
+def _table_commands(study: Study, name: str, changes: list[str]) -> Iterator[tuple[list[str], str]]:
+    """The command towards a table of currents for the study's drive; none if it leads to no table.
+
+    `name`: of the study, as in the command line. A plan takes no `changes`.
+    """
+    drive = None
+    if study.drive.make is not None:  # else the module, which is slow to load, is not needed
+        from cogless.drives.registry import ADAPTERS, script_files
+
+        drive = ADAPTERS.get(study.drive.make)
+    if drive is None:
+        yield ["drives"], "drives that take a table of currents"
+        return
+    try:
+        has_plan = not changes and bool(script_files(study, drive.name, None))
+    except StudyError:
+        has_plan = False
+    takes = drive.write is not None
+    if has_plan:
+        where = drive.title if takes else "code of your own"
+        remark = f"a script that records logs, for a table of currents in {where}"
+        yield ["identify", "--plan", name, "--drive", drive.name], remark
+    elif takes:
+        yield ["drives"], f"what {drive.title} reads and takes"
 
 
 def _exports(results: Results, controller: str) -> bool:

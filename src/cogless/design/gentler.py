@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from cogless.catalogue import edge_timers
 from cogless.design.changes import unit_text
 from cogless.design.law_rules import pi_texts, rules_of
 from cogless.study import Study
@@ -49,8 +50,10 @@ def other_law_rates(study: Study) -> list[Changes]:
 
 
 def timed_edges(study: Study) -> Changes | None:
-    """The change to a speed that is timed between edges; None: the sensor can't have it, or has it."""
-    sensor, key = study.drive.position_sensor, "drive.position_sensor"
+    """The change to a speed that is timed between edges; None: sensor or drive can't have it, or have it."""
+    sensor, key, make = study.drive.position_sensor, "drive.position_sensor", study.drive.make
+    if make is not None and not edge_timers()[make]:
+        return None
     if not isinstance(sensor, Encoder) or sensor.timed or sensor.latency:
         return None
     table = study.source.tables["drive"]["position_sensor"]

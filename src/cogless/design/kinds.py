@@ -30,8 +30,8 @@ class KindOfDesign:
     to_dict: Callable[[Any], dict[str, Any]]  # the JSON of `cogless design`
     table: Callable[[Any], Group]  # the text of `cogless design --long`
     blocks: Callable[[Any], Blocks]  # the text of `cogless design`
-    # arguments: study, scenario, controller; returns the design's numbers, and its verdict in a line
-    figures: Callable[[Any, str, str], tuple[dict[str, Any], str]]
+    # arguments: study, scenario, controller; returns the design's numbers, and its verdict, a statement each
+    figures: Callable[[Any, str, str], tuple[dict[str, Any], list[str]]]
     warnings: Callable[[Any, str, str], list[Remark]]  # arguments: study, scenario, controller
     before_runs: Callable[[Any, Sequence[Pair]], Iterable[object]] = lambda study, pairs: ()  # warnings
     # whether a report of runs has a certificate, so that `warnings` need not be printed beside it
@@ -42,10 +42,10 @@ class KindOfDesign:
     likely_harm: Callable[[Any, str, str], str | None] = lambda study, name, scenario: None
 
 
-def _speed_figures(study: Study, scenario: str, controller: str) -> tuple[dict[str, Any], str]:
+def _speed_figures(study: Study, scenario: str, controller: str) -> tuple[dict[str, Any], list[str]]:
     design = summary.design(study, controller)
     loop = {f"current_loop.{axis}": entry for axis, entry in summary.current_loop_dict(study).items()}
-    return {**loop, **summary.design_dict(design)}, design.in_words()
+    return {**loop, **summary.design_dict(design)}, design.clauses
 
 
 def _speed_warnings_before(study: Study, pairs: Sequence[Pair]) -> list[object]:
@@ -87,11 +87,11 @@ def _trial_blocks(study: TrialStudy) -> Blocks:
     return trial_blocks.trial_blocks(study, trial_summary.summary(study))
 
 
-def _trial_figures(study: TrialStudy, scenario: str, controller: str) -> tuple[dict[str, Any], str]:
+def _trial_figures(study: TrialStudy, scenario: str, controller: str) -> tuple[dict[str, Any], list[str]]:
     from cogless.design.trials import trial_summary
 
     design = _trial_designs(study, [(scenario, controller)])[scenario, controller]
-    return trial_summary.design_dict(design), trial_summary.verdict_line(design)
+    return trial_summary.design_dict(design), [trial_summary.verdict_line(design)]
 
 
 def _trial_warnings(study: TrialStudy, scenario: str, name: str) -> list[Remark]:

@@ -30,13 +30,20 @@ class Design:
     certificate: Certificate | None = None  # of a law whose rule gives one
 
     def in_words(self) -> str:
-        """Whether learning settles, and up to which speed it learns, in one line; empty without learning."""
+        """As `clauses`, in one line."""
+        return "; ".join(self.clauses)
+
+    @property
+    def clauses(self) -> list[str]:
+        """Whether learning settles, and up to which speed it learns; empty without learning."""
         if self.certificate is not None:
-            return self.certificate.in_words()
-        if self.learning is None or self.fastest is None:
-            return self.learning.in_words() if self.learning else ""
+            return self.certificate.clauses
+        if self.learning is None:
+            return []
+        if self.fastest is None:
+            return self.learning.clauses
         speed = units.format(self.fastest, self.learning.unit, units.ANGULAR_SPEED, digits=6)
-        return f"{self.learning.in_words()}; learns up to {speed}"
+        return [*self.learning.clauses, f"learns up to {speed}"]
 
 
 @dataclasses.dataclass(frozen=True)

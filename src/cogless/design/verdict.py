@@ -193,15 +193,20 @@ class Verdict:
         """The whole verdict in one line."""
         return str(self.remark())
 
-    def remark(self) -> Remark:
-        """The whole verdict in one line, with the changes that cure it."""
+    @property
+    def clauses(self) -> list[str]:
+        """The whole verdict, a statement each."""
         passing = self.passing.in_words(self.unit) if self.passing else ""
         frozen = [f"learns nothing at some speeds: {reason}" for reason in self.frozen]
         doubts = f"this is not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
+        remedy = "" if self.remedy is None else str(self.remedy)
+        return [part for part in (self.short(), passing, remedy, doubts, *frozen) if part]
+
+    def remark(self) -> Remark:
+        """The whole verdict in one line, with the changes that cure it."""
         remedy = [] if self.remedy is None else [self.remedy]
-        parts = (self.short(), passing, *map(str, remedy), doubts, *frozen)
         cures = (cure for remark in (*remedy, *self.doubts) for cure in remark.cures)
-        return Remark("; ".join(part for part in parts if part), tuple(cures))
+        return Remark("; ".join(self.clauses), tuple(cures))
 
 
 @dataclass(frozen=True, eq=False)

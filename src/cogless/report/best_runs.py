@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cogless.errors import StudyError
 from cogless.report.comparison import runs_in
-from cogless.report.speed_verdict import Judged, judged, learner, unheld, value_in
+from cogless.report.speed_verdict import Judged, judged, learner, unheld, value_in, verdict
 from cogless.results import Results, Run
 from cogless.results.limits import Limits
 from cogless.results.metrics import result_name
@@ -148,17 +148,9 @@ def _learning_off(results: Results, best: Judged, traces: Path | None) -> Learni
 
 
 def best_controller(results: Results) -> str | None:
-    """The controller that holds the speed and is the best in most scenarios.
-
-    None: none holds a speed, or there is only one controller.
-    """
-    if len({run.controller for run in results.runs}) < 2:
-        return None
-    winners = [
-        best.run.controller
-        for scenario in results.scenarios
-        if (best := judged(results, scenario)) is not None and best.run.controller not in best.line.missed
-    ]
+    """The controller that the verdicts of most scenarios name as the best; None if no verdict names one."""
+    verdicts = [verdict(results, runs_in(results, scenario)) for scenario in results.scenarios]
+    winners = [named.best for named in verdicts if named is not None and named.best]
     return max(winners, key=winners.count, default=None)
 
 

@@ -13,7 +13,7 @@ from cogless.report.verdicts import called, listed, ratio, times
 from cogless.results.limits import CAUSES, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Harm, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
-from cogless.study.messages import dotted, look_up
+from cogless.study.messages import MISSING, dotted, look_up
 from cogless.study.metric import Metric
 from cogless.study.reading import Changes, Remark, split
 from cogless.study.toml import toml
@@ -51,7 +51,7 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
         text += " No change that was tried leaves clearly less."
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
-        text += f" {setting(study, cure.changes)}{_sensor(cure)} left {with_unit(cure.value)}"
+        text += f" {setting(study, cure.changes)}{_sensor(study, cure)} left {with_unit(cure.value)}"
         text += f"{_costs(study, limits, cure)}{_harms(study, cure)}."
         text += _of_learner(study, limits, cure, with_unit)
     return Remark(text, tuple(cure.changes for cure in limits.advised))
@@ -81,11 +81,12 @@ def _of_learner(study: StudyBase, limits: Limits, cure: Cure, with_unit: Callabl
 def setting(study: StudyBase, changes: Changes) -> str:
     """Changes in words, each with its whole key, as the study or `--set` takes it.
 
-    A controller with another law is written as a whole.
+    A controller with another law is written as a whole. A key that is deleted is written as `KEY=`.
     """
     new = [entry for name, value in changes.items() for entry in _new(study, split(name), value)]
     return " and ".join(
-        f"without {dotted(key)}" if value is None else f"{dotted(key)} = {toml(value)}" for key, value in new
+        f"{dotted(key)}= (deletes this key)" if value is None else f"{dotted(key)} = {toml(value)}"
+        for key, value in new
     )
 
 
@@ -95,11 +96,15 @@ def _cause_words(cause: Cause) -> str:
     return words if len(cause.names) == 1 else f"both {words}"
 
 
-def _sensor(cure: Cure) -> str:
-    """What a change of the position sensor needs: sensors with so many bits, or a timer; "" if nothing."""
+def _sensor(study: StudyBase, cure: Cure) -> str:
+    """What a change of the position sensor needs: sensors with so many bits, or a timer; "" if nothing.
+
+    It is not known whether an unknown drive has a timer.
+    """
     bits, sensor = cure.changes.get(SENSOR_BITS), cure.changes.get(SENSOR, {})
     if "MT" in (cure.changes.get(f"{SENSOR}.speed_method"), sensor.get("speed_method")):
-        return " (if the drive can time edges)"
+        make = look_up(study.source.tables, ("drive", "make"))
+        return " (if the drive can time edges)" if make is MISSING else ""
     return "" if bits is None else f" ({sensor_words(bits)})"
 
 

@@ -169,6 +169,12 @@ class _Case(Contest):
         """The best controller, and those whose values are equal to its value within `EQUAL_DIFFERENCE`."""
         return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + EQUAL_DIFFERENCE]
 
+    @property
+    def ranks(self) -> bool:
+        """Whether several controllers have a value, and the baseline is ranked or did not hold the speed."""
+        compared = self.baseline in self.ranked or self.baseline in self.line.missed
+        return bool(self.ranked) and len(self.line.values) > 1 and compared
+
     def against(self, controller: str, other: str) -> float:
         """A controller's value divided by another's; infinite if only the other's is zero."""
         return ratio(self.line.values[controller] or 0.0, self.line.values[other] or 0.0)
@@ -190,7 +196,9 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         return replace(broken, tone=worst(broken.tone, "even"))
     details = [compared.headline, *compared.details]
     tone = worst(broken.tone, compared.tone)
-    return replace(broken, tone=tone, details=details, cost=compared.cost, doubts=compared.doubts)
+    return replace(
+        broken, tone=tone, details=details, cost=compared.cost, doubts=compared.doubts, best=compared.best
+    )
 
 
 @dataclass(frozen=True)
@@ -389,7 +397,9 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     doubts = _doubts(case, scenario)
     details = [str(limited or ""), *doubts, *details]
     sentences = [sentence for sentence in details if sentence]
-    return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost, doubts=doubts)
+    return ScenarioVerdict(
+        scenario, tone, headline, sentences, cost=cost, doubts=doubts, best=_best(case, tone)
+    )
 
 
 def _doubts(case: _Case, scenario: str) -> list[str]:
@@ -437,7 +447,7 @@ def _headline(case: _Case) -> tuple[str, str]:
             by_speed.setdefault(speed, []).append(label(c))
         speeds = ", ".join(f"{listed(labels)} {speed}" for speed, labels in by_speed.items())
         return "worse", f"{case.where}, no controller holds the speed from {line.window}: {speeds}."
-    if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
+    if not case.ranks:
         return "even", f"{case.where}, {line.quantity}: {case.values_in_words([*line.values])}."
     if ranked == [base] and case.holding == [base]:
         return (
@@ -488,6 +498,19 @@ def _comparison(case: _Case) -> tuple[str, str]:
     if off.tone == "better":
         return tone, f"{case.where}, {_have(case)}, {less} and {off.words}."
     return tone, f"{case.where}, {_have(case)}, {off.words}: its feedback, not its learning, leaves {less}."
+
+
+def _best(case: _Case, tone: str) -> str:
+    """As `ScenarioVerdict.best`. Among equals, a controller that does not learn comes first."""
+    base, winners = case.baseline, case.winners
+    if not case.ranks:
+        return ""
+    if winners == [base]:
+        return base if tone == "worse" else ""  # the tone is even where nothing was learned
+    off = learning_helps(case)
+    if base in winners or (base in case.ranked and off is not None and off.tone != "better"):
+        return ""
+    return next((c for c in winners if not case.learns(c)), winners[0])
 
 
 def learning_helps(case: _Case) -> LearningHelps | None:

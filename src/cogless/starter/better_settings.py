@@ -72,7 +72,7 @@ def _searched(
 def _speed_methods(study: Study, timer: str) -> Iterable[Candidate]:
     """Candidates with an observer, and one that times the edges where the drive can."""
     yield from observers(study)
-    timed = timed_edges(study) if timer else None
+    timed = timed_edges(study)
     if timed is not None and SENSOR in timed:
         yield Candidate({SENSOR: {**timed[SENSOR], "timer": timer}})
 

@@ -461,6 +461,7 @@ def _drive(
 ) -> float:
     """Write rates, current loop, inverter and current sensors; returns the current loop's rate, Hz."""
     current_rate, speed_rate = _rates(request, drive)
+    sheet.section("[drive]").put("make", drive.name)
     section = sheet.section("[drive.rates]")
     for key, flag, rate in (
         ("current_loop", "current-rate", current_rate),

@@ -114,6 +114,7 @@ PAST_MAX = 100_000  # longest delay in current-loop periods
 TRACE_ROWS_MOST = 20_000_000  # rows of one run: 4 GB with some 25 signals of 8 bytes each
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
 OUTER_LOOPS = ("speed_loop", "position_loop")
+Make = Literal["generic", "moteus", "odrive", "vesc", "simplefoc", "stepper"]
 
 
 class Belief(Table):
@@ -430,6 +431,9 @@ class Bus(Table):
 class Drive(Table):
     """Power electronics, sensors, current loop and monitor."""
 
+    make: Make | None = None
+    """Drive by its name in `cogless new --drive`. cogless then advises only what this drive can do. The
+    simulation does not depend on it. Default: unknown."""
     precision: Literal["single", "double"] = "single"
     """Number type of the control laws: `"single"` (float in C) or `"double"`. The motor and the mechanics are
     always simulated in double precision."""

@@ -265,15 +265,20 @@ class Certificate:
 
     def in_words(self) -> str:
         """The certificate in one line."""
+        return "; ".join(self.clauses)
+
+    @property
+    def clauses(self) -> list[str]:
+        """The certificate, a statement each."""
         if not self.speeds:
             highest = self.learner.base * self.learner.orders
             least = f"{ORDER_ANGLE_LEAST:g} rad a sample"
-            return (
+            return [
                 f"not judged: all references are too slow, since even a wave of order {highest} advances by "
                 f"less than {least}"
-            )
+            ]
         if all(speed.snaps is not None for speed in self.speeds):
-            return f"not judged: {self.speeds[0].snaps}"
+            return [f"not judged: {self.speeds[0].snaps}"]
         phrases = [speed.in_words() for speed in self.speeds]
         ends = [f"learns up to {float(f'{self.fastest / RPM:.4g}'):.0f} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
@@ -282,7 +287,7 @@ class Certificate:
             ends = [f"learns no order of a frequency from {' or from '.join(bands)} Hz", *ends]
         if self.straight is not None:
             ends += [f"learns an eccentric sensor's error up to {self.straight / RPM:.4g} rpm"]
-        return "; ".join([f"learns {self.learner.order_words}", *phrases, *ends])
+        return [f"learns {self.learner.order_words}", *phrases, *ends]
 
 
 def _held_words(orders: tuple[int, ...]) -> str:

@@ -24,10 +24,10 @@ from cogless.files import versions
 from cogless.study import AnyStudy
 
 
-def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], str]:
+def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], list[str]]:
     """Results (name, value with its unit) named and ordered as in `cogless design --json`, and the verdict.
 
-    The verdict says in one line whether learning works; it is empty for a law that learns nothing.
+    The verdict says whether learning works, a statement each; it is empty for a law that learns nothing.
     """
     from cogless.design.kinds import DESIGNS
 

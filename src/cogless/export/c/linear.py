@@ -21,6 +21,7 @@ from cogless.export.c.texts import (
     matrix_array,
     study_words,
     verdict_comment,
+    verdict_list,
 )
 from cogless.export.prepared import first_scenario
 from cogless.files import versions
@@ -105,7 +106,7 @@ def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str,
         "law_values": initialiser(layout.headers, law.config, config | own, "d"),
         "matrix": matrix_array(name, None if matrix is None else np.asarray(matrix), "d"),
         "verdict_comment": verdict_comment(verdict),
-        "verdict_row": f"| verdict of `cogless design` | {verdict} |\n" if verdict else "",
+        "verdict_list": verdict_list(verdict),
         "figures": figure_lines(numbers),
     }
 

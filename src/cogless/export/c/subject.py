@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,7 +38,7 @@ class Subject:
     map: tuple[int, int] | None  # channels and cells of the learned map; None: nothing to store
     learning_matrix: NDArray[np.floating[Any]] | None
     figures: list[tuple[str, str]]  # name and value, as `cogless design` shows them
-    verdict: str  # what `cogless design` says about learning
+    verdict: Sequence[str]  # what `cogless design` says about learning, a statement each
     command: str  # command line of this export
 
     @property

@@ -247,7 +247,7 @@ def _template_words(subject: Subject) -> dict[str, str]:
         "memory_member": f"    cgl_real memory[{length}]; /* what is learned */\n" if entries else "",
         "memory_text": f"{s.memory_length} numbers, within `{name}_controller`" if entries else "none",
         "matrix": matrix_array(name, s.learning_matrix, s.precision),
-        "verdict_row": f"| verdict of `cogless design` | {s.verdict} |\n" if s.verdict else "",
+        "verdict_list": verdict_list(s.verdict),
         "verdict_comment": verdict_comment(s.verdict),
         "figures": figure_lines(s.figures),
         **board(s),
@@ -257,11 +257,20 @@ def _template_words(subject: Subject) -> dict[str, str]:
     }
 
 
-def verdict_comment(verdict: str) -> str:
+def verdict_list(verdict: Sequence[str]) -> str:
+    """The verdict of `cogless design` on learning, as a list for a README; empty without a verdict."""
+    lines = [textwrap.fill(one, 118, initial_indent="- ", subsequent_indent="  ") for one in verdict]
+    return "\n".join(["\n`cogless design` says about the learning:\n", *lines, ""]) if verdict else ""
+
+
+def verdict_comment(verdict: Sequence[str]) -> str:
     """The verdict of `cogless design` on learning, as lines of a comment in C; empty without a verdict."""
     start, indent = " * learning         ", " *                  "
-    comment = textwrap.fill(plain_comment(verdict), 118, initial_indent=start, subsequent_indent=indent)
-    return f"{comment}\n" if verdict else ""
+    lines: list[str] = []
+    for statement in map(plain_comment, verdict):
+        first = indent if lines else start
+        lines += textwrap.wrap(statement, 118, initial_indent=first, subsequent_indent=indent)
+    return "".join(f"{line}\n" for line in lines)
 
 
 def plain_comment(text: str) -> str:
