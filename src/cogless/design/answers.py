@@ -65,6 +65,12 @@ def doubt(study: Study, name: str, scenario: str) -> str:
     return own_answer.doubt if own_answer is not None else ""
 
 
+def other_seeds(study: Study) -> tuple[int, int]:
+    """Two seeds other than the study's, for further runs where `doubt` says that one is partly chance."""
+    first, second, *_ = (seed for seed in range(3) if seed != study.seed)
+    return first, second
+
+
 def answer_of(study: Study, name: str, scenario: str = "") -> Answer | None:
     """The answer for a controller that learns while it runs; None for another.
 

@@ -32,7 +32,8 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     named = limits.named
     in_vain = _in_vain(study, limits)
     if not (named or limits.holding):
-        return Remark(in_vain) if in_vain else None
+        text = in_vain or _by_chance(study, limits)
+        return Remark(text) if text else None
 
     def with_unit(value: float) -> str:
         return _with_unit(study, _metric(study, limits, limits.metric), value)
@@ -45,9 +46,9 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
     text = f"What limits {own}: simulated again, it left {listed(parts)}."
-    if in_vain:
-        text += f" {in_vain}"
-    elif limits.cures and not limits.advised:
+    by_chance = _by_chance(study, limits)
+    text += "".join(f" {sentence}" for sentence in (in_vain, by_chance) if sentence)
+    if limits.cures and not (limits.advised or in_vain or by_chance):
         text += " No change that was tried leaves clearly less."
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
@@ -55,6 +56,14 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
         text += f"{_costs(study, limits, cure)}{_harms(study, cure)}."
         text += _of_learner(study, limits, cure, with_unit)
     return Remark(text, tuple(cure.changes for cure in limits.advised))
+
+
+def _by_chance(study: StudyBase, limits: Limits) -> str:
+    """A sentence on the best change that helped only with the study's seed; "" if there is none."""
+    cure = next((cure for cure in limits.cures if cure.by_chance), None)
+    if cure is None:
+        return ""
+    return f"{setting(study, cure.changes)} helped with the study's seed, but not with another seed."
 
 
 def _in_vain(study: StudyBase, limits: Limits) -> str:
