@@ -19,6 +19,7 @@ from cogless.cli.new import _answer_lines, _ranking_lines
 from cogless.cli.terminal import program
 from cogless.design.answers import Answer, answer_of
 from cogless.starter import AtSpeed, Effect, Outcome, Ranking, Settings, draft, parse_speeds
+from cogless.starter.sheet import Guess
 from cogless.study import load
 
 SHORT = ("--motor", "gm5208", "--drive", "generic", "--encoder", "as5048")
@@ -208,6 +209,48 @@ def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(
         both.split()
     )
     assert "does not help" not in text
+
+
+def test_where_a_run_is_partly_chance_the_range_of_its_seeds_is_printed() -> None:
+    study = load(Path(__file__).parents[2] / "examples" / "my_motor.toml")
+
+    def seeded(*outcomes: Outcome) -> Outcome:
+        return replace(outcomes[0], of_seeds=outcomes[1:])
+
+    nominal = seeded(outcome(0.5), outcome(0.8), outcome(0.6))
+    lost = seeded(*[outcome(40, "the rotor turns in jerks")] * 3)
+    small = seeded(outcome(0.2), outcome(0.1), outcome(0.3))
+    at_speeds = {"slow": AtSpeed(learned=outcome(0.5), baseline=outcome(2))}
+
+    def printed(*variants: Outcome) -> list[str]:
+        effects = tuple(
+            Effect(
+                guess=Guess(key=f"key.{n}", name=f"name {n}", span="1 to 2", variants={}),
+                scenario="slow",
+                nominal=nominal,
+                outcomes={"1 mN*m": variant},
+            )
+            for n, variant in enumerate(variants)
+        )
+        chance = {"slow": nominal}
+        ranking = Ranking(at_speeds=at_speeds, effects=effects, duration=12.0, seeds=(0, 1, 2), chance=chance)
+        return _ranking_lines(study, ranking, Settings(), Path("mine.toml"), ())
+
+    clear, unclear = printed(lost, small), printed(seeded(outcome(0.2), outcome(0.55), outcome(0.4)))
+    begin = clear.index("With the same numbers and the seeds 0, 1 and 2, runs of 12 s of harmonic at 30")
+    assert clear[begin + 1 :][:8] == [
+        "r/min leave 0.5 to 0.8 r/min.",
+        "",
+        "Two guesses matter, as runs of 12 s show. Measure or look up first:",
+        "  1. name 0, 1 to 2 (key.0): with 1 mN*m the speed is not held, with each seed:",
+        "     the rotor turns in jerks",
+        "  2. name 1, 1 to 2 (key.1): harmonic leaves 0.1 to 0.3 r/min with 1 mN*m, 0.5",
+        "     to 0.8 r/min with the guessed value",
+        "",
+    ]
+    text = " ".join(" ".join(unclear).split())
+    assert "leave 0.5 to 0.8 r/min. No guess, at an end of its range, clearly changes that." in text
+    assert "matter" not in text
 
 
 def test_a_setting_that_holds_a_speed_is_printed_with_its_command_and_what_did_not_help() -> None:

@@ -433,10 +433,10 @@ def _ranking_lines(
     if ranking.hopeless:
         speeds = _speeds(study, ranking.hopeless) if len(designs) > 1 else "this speed"
         lines += ["", *_wrapped(f"No guess, at either end of its range, makes harmonic hold {speeds}.")]
-    shown = {effect.scenario for effect in effects}
+    clear_at = {effect.scenario for effect in effects}
     for scenario, outcome in ranking.chance.items():
         if not outcome.never_holds and not _is_worthless(designs[scenario]):
-            lines += ["", *_wrapped(_chance_text(study, ranking, scenario, scenario in shown))]
+            lines += ["", *_wrapped(_chance_text(study, ranking, scenario, scenario in clear_at))]
     if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         of_runs = f", as runs of {ranking.duration:.2g} s show" if ranking.duration else ""
@@ -587,10 +587,10 @@ def _effect_text(effect: Effect) -> str:
         label, outcome = next(item for item in effect.outcomes.items() if item[1].never_holds)
         return f"with {label} the speed is not held{with_seeds}: {outcome.why}"
     if effect.nominal.of_seeds:
-        (low, least), *_, (high, largest) = effect.held
+        (low, least), *_, (high, largest) = effect.held_outcomes
         ends = [
-            f"{_ripples(least)} with {low or 'the guess'}",
-            f"{_ripples(largest)} with {high or 'the guess'}",
+            f"{_ripples(least)} with {low or 'the guessed value'}",
+            f"{_ripples(largest)} with {high or 'the guessed value'}",
         ]
         return f"harmonic leaves {', '.join(ends)}"
     return f"harmonic leaves {' to '.join((_rpm(effect.ripples[0], ''), _rpm(effect.ripples[1])))}"

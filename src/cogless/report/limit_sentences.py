@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from cogless.catalogue import sensor_words
+from cogless.design.answers import other_seeds
 from cogless.design.changes import SENSOR, SENSOR_BITS
 from cogless.report.comparison import shown_in, spoken
 from cogless.report.markup import number
@@ -63,7 +64,8 @@ def _by_chance(study: StudyBase, limits: Limits) -> str:
     cure = next((cure for cure in limits.cures if cure.by_chance), None)
     if cure is None:
         return ""
-    return f"{setting(study, cure.changes)} helped with the study's seed, but not with another seed."
+    seeds = f"with seed={study.seed}, but not with seed={other_seeds(study)[0]}"
+    return f"{setting(study, cure.changes)} helped {seeds}."
 
 
 def _in_vain(study: StudyBase, limits: Limits) -> str:

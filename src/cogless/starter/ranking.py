@@ -115,7 +115,7 @@ class Effect:
         return surely and any(answer.never_holds for answer in self.answers)
 
     @property
-    def held(self) -> list[tuple[str, Outcome]]:
+    def held_outcomes(self) -> list[tuple[str, Outcome]]:
         """The outcomes that hold the speed with each seed, by label, the least ripple first.
 
         The label of the study without a change is "".
@@ -132,7 +132,7 @@ class Effect:
         With several seeds: the ripple of the least answer that no seed exceeds, and that of the largest
         answer that each seed exceeds.
         """
-        ranges = [answer.ripple_range for _, answer in self.held]
+        ranges = [answer.ripple_range for _, answer in self.held_outcomes]
         if not ranges:
             return math.nan, math.nan
         return min(high for _, high in ranges), max(low for low, _ in ranges)
@@ -245,7 +245,9 @@ def _tried_by_seeds(
     """The outcome without a change, and effects in a scenario, with the runs of further seeds."""
     changes = [{}, *(change for effect in effects for change in effect.guess.variants.values())]
     answers = [nominal, *(answer for effect in effects for answer in effect.outcomes.values())]
-    able = [place for place, change in enumerate(changes) if isinstance(_changed(study, change), Study)]
+    able = [
+        place for place, change in enumerate(changes) if not isinstance(_changed(study, change), StudyError)
+    ]
     variants = [changed(study, {**changes[place], "seed": seed}) for place in able for seed in seeds]
     others = iter([of_seed[scenario] for of_seed in outcomes(variants, LEARNING_LAW, [scenario])])
     for place in able:
