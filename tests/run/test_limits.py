@@ -11,6 +11,7 @@ import pytest
 import studies
 from cogless.design.auto import load
 from cogless.report import limit, with_limits
+from cogless.report.limit_sentences import remark
 from cogless.results import Results
 from cogless.results.limits import HELPING_SHARE
 from cogless.results.results_json import to_dict
@@ -237,6 +238,37 @@ def test_a_cure_that_costs_elsewhere_says_so(study):
     (cost,) = doubled.costs
     after = simulate(changed(changed(study, noisy), doubled.changes), "turning", "pi").metrics["loss_W"]
     assert (cost.metric, cost.value) == ("loss_W", after) and cost.ratio > 1.5
+
+
+def test_a_change_that_helps_by_chance_is_not_advised(study):
+    """Half a count per sample: what a change leaves with another seed is simulated here, change by change."""
+    observer = {"speed_method": "observer", "observer_bandwidth": "60 Hz"}
+    coarse = changed(
+        study,
+        {
+            "drive.position_sensor": {"kind": "absolute", "bits": 8, **observer},
+            "drive.current_sensors": {"noise": "20 mA"},
+            "scenario.turning.reference": "60 rpm",
+            "scenario.turning.initial_speed": "60 rpm",
+            "seed": 2,
+        },
+    )
+    limited = limits(coarse, simulate(coarse, "turning", "harmonic"), coarse.metric[0], jobs=1)
+    assert limited is not None
+    by_chance = [cure for cure in limited.cures if cure.by_chance]
+    assert by_chance and limited.advised and not any(cure.by_chance for cure in limited.advised)
+
+    def with_another_seed(changes):
+        other = changed(coarse, {**changes, "seed": 0})
+        return simulate(other, "turning", "harmonic").metrics["ripple_rad_s"]
+
+    before = with_another_seed({})
+    assert all(cure.value <= HELPING_SHARE * limited.value for cure in by_chance)
+    assert all(with_another_seed(cure.changes) > HELPING_SHARE * before for cure in by_chance)
+    assert all(with_another_seed(cure.changes) <= HELPING_SHARE * before for cure in limited.advised)
+    text = str(remark(coarse, limited))
+    assert "helped with seed=2, but not with seed=0." in text
+    assert "No change that was tried" not in text
 
 
 def test_a_run_that_loses_its_speed_is_no_cure(study):

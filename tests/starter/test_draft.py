@@ -22,11 +22,14 @@ from cogless.errors import StudyError
 from cogless.report import with_limits
 from cogless.run.simulate import run_study
 from cogless.starter import Draft, Request, draft, parse_number, parse_speeds
+from cogless.starter.doubts import magnet_slip
 from cogless.starter.motor_rules import Known, cogging_orders, layouts_for, sized
+from cogless.starter.motor_sections import class_of, put_motor
 from cogless.starter.part_catalogue import parts
 from cogless.starter.ranking import outcome, shortened
 from cogless.starter.request import NUMBERS, RequestError, names
 from cogless.starter.sensor_choice import fit_observer
+from cogless.starter.sheet import Sheet
 from cogless.study import Study, changed
 from cogless.study.laws.harmonic import Harmonic
 
@@ -545,6 +548,56 @@ def test_a_number_far_from_the_class_is_doubted(
     of = request("hub", "vesc", "as5048", **stated)
     doubts = draft(of, "Mine", tmp_path / "mine.toml").doubts
     assert (len(doubts), doubt in "".join(doubts)) == (bool(doubt), True)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "conflict", "meant"),
+    [
+        ({"torque_constant": 36.9, "speed": 20}, "but --speed is 20 rpm", "36.9 mN*m/A"),
+        ({"torque_constant": 36.9, "speed": 5}, "and through 0.5 ohm they give it 2050 N*m at standstill",
+         "36.9 mN*m/A"),
+        ({"torque_constant": 36.9, "speed": 5, "rated_torque": 0.18, "rated_current": 5},
+         "and rated torque over rated current is 36 mN*m/A", "36.9 mN*m/A"),
+        ({"torque_constant": "0.0369 mN*m/A", "speed": 20},
+         "and through 0.5 ohm they give it 2.05 mN*m at standstill", "0.0369 N*m/A"),
+        ({"back_emf": 4.5, "speed": 20}, "but --speed is 20 rpm", "4.5 mV/rpm"),
+    ],
+)  # fmt: skip
+def test_a_constant_of_the_magnet_in_another_unit_is_doubted_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: dict[str, object], conflict: str, meant: str
+) -> None:
+    """Not the resistance that fits. At no load two phases have the bus voltage: K_t / sqrt(3) per rad/s."""
+    drafted_by_rules(monkeypatch)
+    of = request("own", "generic", "as5047", bus_voltage=24, **numbers)
+    of = replace(of, numbers={flag: answer for flag, answer in of.numbers.items() if flag != "kv"})
+    made = draft(of, "Mine", tmp_path / "mine.toml")
+    (doubt,) = made.doubts
+    flag = "back-emf" if "back_emf" in numbers else "torque-constant"
+    assert doubt.startswith(f'--{flag}: "{of.numbers[flag].text}": 24 V then turn the motor at ')
+    assert f" rpm at most, {conflict}; perhaps you mean {meant}, which gives " in doubt
+    K_t = of.numbers[flag].value * (math.sqrt(3 / 2) if flag == "back-emf" else 1)
+    words = re.search(r"at ([0-9.]+) rpm at most.* which gives ([0-9.]+) rpm$", doubt)
+    assert words is not None
+    assert float(words[1]) == pytest.approx(24 * math.sqrt(3) / 2 / K_t * 60 / math.tau, rel=0.01)
+    assert abs(math.log10(float(words[2]) / float(words[1]))) == pytest.approx(3, abs=0.01)
+    assert not made.unusual
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"torque_constant": "36.9 mN*m/A", "speed": 20},
+        {"torque_constant": "36.9 mN*m/A", "speed": 8000},  # beyond the bus voltage in any unit
+        {"torque_constant": "36.9 mN*m/A", "speed": 20, "resistance": 500},  # the resistance's own slip
+    ],
+)
+def test_a_constant_that_no_other_unit_mends_is_not_doubted(
+    numbers: dict[str, object],
+) -> None:
+    of = request("own", "generic", "as5047", bus_voltage=24, **numbers)
+    of = replace(of, numbers={flag: answer for flag, answer in of.numbers.items() if flag != "kv"})
+    motor = put_motor(Sheet(), of, class_of(of))
+    assert magnet_slip(of, motor, 24.0) == ""
 
 
 def test_a_resistance_is_doubted_by_the_torque_that_it_means(tmp_path: Path) -> None:

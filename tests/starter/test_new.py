@@ -19,6 +19,7 @@ from cogless.cli.new import _answer_lines, _ranking_lines
 from cogless.cli.terminal import program
 from cogless.design.answers import Answer, answer_of
 from cogless.starter import AtSpeed, Effect, Outcome, Ranking, Settings, draft, parse_speeds
+from cogless.starter.sheet import Guess
 from cogless.study import load
 
 SHORT = ("--motor", "gm5208", "--drive", "generic", "--encoder", "as5048")
@@ -210,6 +211,48 @@ def test_learning_that_is_not_worth_it_at_a_faster_speed_only_keeps_its_guesses(
     assert "does not help" not in text
 
 
+def test_where_a_run_is_partly_chance_the_range_of_its_seeds_is_printed() -> None:
+    study = load(Path(__file__).parents[2] / "examples" / "my_motor.toml")
+
+    def seeded(*outcomes: Outcome) -> Outcome:
+        return replace(outcomes[0], of_seeds=outcomes[1:])
+
+    nominal = seeded(outcome(0.5), outcome(0.8), outcome(0.6))
+    lost = seeded(*[outcome(40, "the rotor turns in jerks")] * 3)
+    small = seeded(outcome(0.2), outcome(0.1), outcome(0.3))
+    at_speeds = {"slow": AtSpeed(learned=outcome(0.5), baseline=outcome(2))}
+
+    def printed(*variants: Outcome) -> list[str]:
+        effects = tuple(
+            Effect(
+                guess=Guess(key=f"key.{n}", name=f"name {n}", span="1 to 2", variants={}),
+                scenario="slow",
+                nominal=nominal,
+                outcomes={"1 mN*m": variant},
+            )
+            for n, variant in enumerate(variants)
+        )
+        chance = {"slow": nominal}
+        ranking = Ranking(at_speeds=at_speeds, effects=effects, duration=12.0, seeds=(0, 1, 2), chance=chance)
+        return _ranking_lines(study, ranking, Settings(), Path("mine.toml"), ())
+
+    clear, unclear = printed(lost, small), printed(seeded(outcome(0.2), outcome(0.55), outcome(0.4)))
+    begin = clear.index("With the same numbers and the seeds 0, 1 and 2, runs of 12 s of harmonic at 30")
+    assert clear[begin + 1 :][:8] == [
+        "r/min leave 0.5 to 0.8 r/min.",
+        "",
+        "Two guesses matter, as runs of 12 s show. Measure or look up first:",
+        "  1. name 0, 1 to 2 (key.0): with 1 mN*m the speed is not held, with each seed:",
+        "     the rotor turns in jerks",
+        "  2. name 1, 1 to 2 (key.1): harmonic leaves 0.1 to 0.3 r/min with 1 mN*m, 0.5",
+        "     to 0.8 r/min with the guessed value",
+        "",
+    ]
+    text = " ".join(" ".join(unclear).split())
+    assert "leave 0.5 to 0.8 r/min. No guess, at an end of its range, clearly changes that." in text
+    assert "matter" not in text
+
+
 def test_a_setting_that_holds_a_speed_is_printed_with_its_command_and_what_did_not_help() -> None:
     study = load(Path(__file__).parents[2] / "examples" / "my_motor.toml")
     lost = AtSpeed(learned=outcome(40, "the rotor turns in jerks"), baseline=outcome(50, "it stops"))
@@ -318,7 +361,20 @@ def test_questions_at_a_terminal(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scripted(
-        monkeypatch, "own", "11", "nothing", "58", "5.6 ohm", "", "", "odriv", "odrive", "absolute", "30"
+        monkeypatch,
+        "own",
+        "11",
+        "",
+        "nothing",
+        "58",
+        "5.6 ohm",
+        "",
+        "",
+        "",
+        "odriv",
+        "odrive",
+        "absolute",
+        "30",
     )
     code, out, err = cogless(capsys, "new", "asked")
     assert (code, err) == (0, "")
@@ -339,17 +395,46 @@ def test_questions_at_a_terminal(
 def test_a_motor_of_ones_own_may_have_a_torque_constant_and_an_inductance(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripted(monkeypatch, "own", "8", "33.5 mN*m/A", "0.573", "", "0.6", "generic", "as5047", "30")
+    scripted(monkeypatch, "own", "8", "", "33.5 mN*m/A", "0.573", "", "", "0.6", "generic", "as5047", "30")
     assert cogless(capsys, "new", "asked")[0] == 0
     motor = load("asked").source.tables["motor"]
     assert motor["K_t"] == "33.5 mN*m/A" and "kv" not in motor
     assert motor["inductance_line_to_line"] == "0.6 mH"
 
 
-def test_of_a_step_motor_the_inductance_is_asked_and_the_detent_torque_is_not(
+def test_slots_and_inertia_are_asked_and_not_known_they_are_guessed(
+    unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """18 slots and 16 poles have 144 waves of cogging a turn, 12 slots have 48."""
+    begin, end = ("own", "8"), ("generic", "as5047", "30")
+    for name, slots, inertia in (("unknown", "", ""), ("known", "12", "120 g*cm^2")):
+        scripted(monkeypatch, *begin, slots, "33.5 mN*m/A", "0.573", "", inertia, "", *end)
+        code, out, _ = cogless(capsys, "new", name)
+        tables = load(name).source.tables
+        guess = tables["mechanics"]["inertia"]
+        assert code == 0 and "Slots (teeth of the stator) [guess: 18]: " in out
+        printed = " ".join(out.split())
+        if inertia:
+            assert tables["motor"]["slots"] == 12 and tables["motor"]["cogging"][0]["order"] == 48
+            assert guess == inertia and "--slots" not in printed and "--inertia" not in printed
+        else:
+            assert tables["motor"]["slots"] == 18 and tables["motor"]["cogging"][0]["order"] == 144
+            assert f"Inertia of rotor and load together, in kg*m^2 [guess: {guess}]: " in out
+            assert "--slots 18, " in printed and f"--inertia {guess}, " in printed
+
+
+def test_beside_an_inertia_of_the_load_that_of_all_is_not_asked(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scripted(monkeypatch, "nema17", "0.4 N*m", "1.7", "1.5", "2.8", "stepper", "as5047", "20")
+    code, out, _ = cogless(capsys, "new", "asked", "--load-inertia", "60 g*cm^2")
+    assert code == 0 and "Inertia" not in out
+
+
+def test_of_a_step_motor_the_inductance_is_asked_and_the_detent_torque_is_not(
+    unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch, "nema17", "0.4 N*m", "1.7", "1.5", "2.8", "", "stepper", "as5047", "20")
     _, out, _ = cogless(capsys, "new", "asked")
     assert load("asked").source.tables["motor"]["L_0"] == "2.8 mH"
     guessed = " ".join(out.split()).partition("Not given, so guessed: ")[2].partition(".\u0020In")[0]
@@ -372,7 +457,7 @@ def test_an_inertia_of_rotor_and_load_takes_no_load_beside_it(capsys: pytest.Cap
 def test_each_question_has_a_default_which_is_a_guess_like_all_others(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripted(monkeypatch, *[""] * 10)
+    scripted(monkeypatch, *[""] * 12)
     code, out, _ = cogless(capsys, "new", "plain")
     assert code == 0
     motor = load("plain").source.tables["motor"]
@@ -486,12 +571,12 @@ def test_live_makes_the_page(
 def test_questions_of_a_class(
     unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Pole pairs, torque constant, resistance and cogging.
+    """Pole pairs, slots, torque constant, resistance, cogging and inertia.
 
     Each default is the class's typical value for the answers so far: 0.36 ohm for 16 rpm/V, which are
     0.517 N*m/A, become (0.95 / 0.517)^2 times as much.
     """
-    answers = ("hub", "20", "0.95 N*m/A", "0.28 ohm/phase", "0.3", "vesc", "as5048", "20, 40")
+    answers = ("hub", "20", "", "0.95 N*m/A", "0.28 ohm/phase", "0.3", "", "vesc", "as5048", "20, 40")
     scripted(monkeypatch, *answers)
     code, out, err = cogless(capsys, "new", "asked")
     assert (code, err) == (0, "")

@@ -1,18 +1,19 @@
 """The guesses that `cogless new` names are those with the largest effect in a sweep of their own."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from drafts import request, written
+from drafts import drafted_by_rules, request, written
 
 from cogless.run.simulate import simulate
 from cogless.starter import Effect, Outcome, rank
 from cogless.starter.ranking import RUN_TICKS_MOST, shortened
 from cogless.starter.sheet import Guess
-from cogless.study import Study, load
+from cogless.study import Study, changed, load
 
 
 def ripple(study: Study) -> float:
@@ -90,3 +91,47 @@ def test_guesses_are_tried_for_as_long_as_learning_takes(tmp_path: Path) -> None
     assert ranking.at_speeds["slow"].learned.holds and ranking.duration == 0
     assert ranking.effects[0].guess.key == "drive.inverter.dead_time" and ranking.effects[0].decides
     assert math.isinf(ripple(load(tmp_path / "mine.toml", {"drive.inverter.dead_time": "1000 ns"})))
+
+
+def seeded(*ripples: float) -> Outcome:
+    """An outcome with these ripples, one a seed. NaN: the speed is not held."""
+    first, *others = (Outcome(ripple=value, why="it stops" if math.isnan(value) else "") for value in ripples)
+    return replace(first, of_seeds=tuple(others))
+
+
+def test_an_effect_counts_as_far_as_it_exceeds_what_seeds_change() -> None:
+    guess = Guess(key="key", name="name", span="", variants={})
+
+    def size(nominal: Outcome, variant: Outcome) -> tuple[bool, float]:
+        return Effect(guess=guess, scenario="slow", nominal=nominal, outcomes={"end": variant}).size
+
+    assert size(seeded(0.879, 0.332, 0.4), seeded(0.35, 0.8, 0.5)) == (False, 1.0)  # one seed: 2.5 times
+    assert size(seeded(0.3, 0.4, 0.35), seeded(0.9, 0.6, 0.8)) == (False, pytest.approx(1.5))
+    assert size(seeded(0.3, 0.4, 0.35), seeded(math.nan, 0.3, 0.4)) == (False, 1.0)  # one seed: it decides
+    assert size(seeded(0.3, 0.4, 0.35), seeded(*[math.nan] * 3))[0]
+
+
+def test_where_a_run_is_partly_chance_guesses_are_ranked_by_several_seeds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An encoder of 14 bits gives a third of a count per sample at 5 r/min; at 60 r/min it gives four."""
+    drafted_by_rules(monkeypatch)
+    own = {"kv": 224, "speed": 5, "bus_voltage": 24}
+    made, study = written(tmp_path, request("own", "generic", "as5047", **own))
+    few = [guess for guess in made.guesses if guess.key in ("mechanics.inertia", "motor.slots")]
+    ranking = rank(study, few, count=1)
+    assert ranking.seeds == (0, 1, 2) and len(ranking.effects) == 1
+    (effect,) = ranking.effects
+    short = shortened(study)
+    answers = {"": (effect.nominal, {})}
+    answers |= {label: (effect.outcomes[label], change) for label, change in effect.guess.variants.items()}
+    for outcome, change in answers.values():
+        of_seeds = [ripple(changed(short, {**change, "seed": seed})) for seed in ranking.seeds]
+        assert [answer.holds for answer in outcome.all_seeds] == [math.isfinite(size) for size in of_seeds]
+        top = short.scenario["slow"].top_reference
+        for answer, size in zip(outcome.all_seeds, of_seeds, strict=True):
+            assert not answer.holds or answer.ripple / top == pytest.approx(size, rel=0.25)
+    assert ranking.chance["slow"] == effect.nominal
+    faster = changed(study, {"scenario.slow.reference": "60 rpm"})
+    sure = rank(faster, few[:1], count=1)
+    assert sure.seeds == () and not sure.effects[0].nominal.of_seeds

@@ -313,9 +313,11 @@ def _needed_numbers(numbers: Mapping[str, Any]) -> dict[str, str]:
 
 STAR_QUESTIONS = {
     "pole-pairs": "Pole pairs (half the number of magnets)",
+    "slots": "Slots (teeth of the stator)",
     "kv": "Kv in r/min per V, or torque constant such as 0.1 N*m/A",
     "resistance": "Resistance between two terminals, in ohm",
     "cogging": "Cogging torque, half of peak to peak, in N*m",
+    "inertia": "Inertia of rotor and load together, in kg*m^2",
 }
 # Asked of "own", whose class says least. In other classes with three phases both ends of the guess change the
 # ripple that harmonic leaves by at most a sixth.
@@ -325,6 +327,7 @@ STEP_QUESTIONS = {
     "rated-current": "Rated current of a coil, in A",
     "resistance": "Resistance of a coil, in ohm",
     "inductance": "Inductance of a coil, in mH",  # both ends of the guess may double the ripple
+    "inertia": STAR_QUESTIONS["inertia"],
 }
 
 
@@ -340,7 +343,7 @@ def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
     questions = STAR_QUESTIONS if part.layouts else STEP_QUESTIONS
     for flag, text in (questions | (OWN_QUESTIONS if motor == "own" else {})).items():
         guess = motor_guesses(motor, numbers).get(flag)
-        if guess is None or flag in numbers:
+        if guess is None or flag in numbers or (flag == "inertia" and "load-inertia" in numbers):
             continue
         take = _constant if flag == "kv" else lambda answer, flag=flag: (flag, parse_number(flag, answer))
         pair = _ask_unless(flag, text, f"guess: {guess}", take)
@@ -403,7 +406,7 @@ def _show_ranking(study: Study, drafted: Draft, path: Path) -> None:
     from cogless.starter import Settings, holding_settings, rank
 
     with share_progress("Trying the guesses") as report:
-        ranking = rank(study, drafted.guesses, report)
+        ranking = rank(study, drafted.guesses, report, SHOWN_EFFECTS)
     settings = holding_settings(study, ranking.lost) if ranking.lost else Settings()
     for line in _ranking_lines(study, ranking, settings, path, drafted.unusual):
         print(line)
@@ -430,10 +433,15 @@ def _ranking_lines(
     if ranking.hopeless:
         speeds = _speeds(study, ranking.hopeless) if len(designs) > 1 else "this speed"
         lines += ["", *_wrapped(f"No guess, at either end of its range, makes harmonic hold {speeds}.")]
+    clear_at = {effect.scenario for effect in effects}
+    for scenario, outcome in ranking.chance.items():
+        if not outcome.never_holds and not _is_worthless(designs[scenario]):
+            lines += ["", *_wrapped(_chance_text(study, ranking, scenario, scenario in clear_at))]
     if effects:
         count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
         of_runs = f", as runs of {ranking.duration:.2g} s show" if ranking.duration else ""
-        lines += ["", f"{count} most{of_runs}. Measure or look up first:"]
+        most = "" if any(effect.nominal.of_seeds for effect in effects) else " most"
+        lines += ["", f"{count}{most}{of_runs}. Measure or look up first:"]
     for place, effect in enumerate(effects, 1):
         head = f"{place}. {effect.guess.name}, {effect.guess.span} ({effect.guess.key}):"
         where = f"at {_speeds(study, [effect.scenario])} " if len(designs) > 1 else ""
@@ -444,6 +452,17 @@ def _ranking_lines(
         *_wrapped(f"Next: {program()} run {_called(path)}"),
         *_wrapped(f"  or: {program()} live {_called(path)}"),
     ]
+
+
+def _chance_text(study: Study, ranking: Ranking, scenario: str, is_clear: bool) -> str:
+    """How much the ripple of a speed is chance. `is_clear`: a guess changes it by more than that."""
+    runs = f"runs of {ranking.duration:.2g} s" if ranking.duration else "runs"
+    first, second, third = ranking.seeds
+    text = (
+        f"With the same numbers and the seeds {first}, {second} and {third}, {runs} of harmonic at "
+        f"{_speeds(study, [scenario])} leave {_ripples(ranking.chance[scenario])}."
+    )
+    return text if is_clear else f"{text} No guess, at an end of its range, clearly changes that."
 
 
 def _answer_lines(study: Study, ranking: Ranking, designs: Mapping[str, Answer | None]) -> list[str]:
@@ -557,15 +576,30 @@ def _speeds(study: Study, scenarios: Sequence[str]) -> str:
 
 
 def _effect_text(effect: Effect) -> str:
+    with_seeds = ", with each seed" if effect.nominal.of_seeds else ""
     if effect.decides:
-        lost = {label: answer for label, answer in effect.outcomes.items() if not answer.holds}
-        if not effect.nominal.holds:
-            good, outcome = next(item for item in effect.outcomes.items() if item[1].holds)
-            return f"with {good} the speed is held, and harmonic leaves {_result(outcome)}"
-        label, outcome = next(iter(lost.items()))
-        return f"with {label} the speed is not held: {outcome.why}"
-    low, high = effect.ripples
-    return f"harmonic leaves {_rpm(low, '')} to {_rpm(high)}"
+        if effect.nominal.never_holds:
+            good, outcome = next(item for item in effect.outcomes.items() if item[1].surely_holds)
+            return (
+                f"with {good} the speed is held{with_seeds}, and harmonic leaves "
+                f"{_ripples(outcome)}{_jerks(outcome)}"
+            )
+        label, outcome = next(item for item in effect.outcomes.items() if item[1].never_holds)
+        return f"with {label} the speed is not held{with_seeds}: {outcome.why}"
+    if effect.nominal.of_seeds:
+        (low, least), *_, (high, largest) = effect.held_outcomes
+        ends = [
+            f"{_ripples(least)} with {low or 'the guessed value'}",
+            f"{_ripples(largest)} with {high or 'the guessed value'}",
+        ]
+        return f"harmonic leaves {', '.join(ends)}"
+    return f"harmonic leaves {' to '.join((_rpm(effect.ripples[0], ''), _rpm(effect.ripples[1])))}"
+
+
+def _ripples(answer: Outcome) -> str:
+    """The ripple of a run, or its range over the seeds."""
+    low, high = (_rpm(ripple) for ripple in answer.ripple_range)
+    return high if low == high else f"{low.partition(' ')[0]} to {high}"
 
 
 def _rpm(speed: float, unit: str = " r/min") -> str:

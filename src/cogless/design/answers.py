@@ -24,7 +24,7 @@ from cogless.design.speed_loop import BELIEF_FACTORS, speed_loop
 from cogless.design.summary import Design, current_loop_dict, design, design_dict, summary
 from cogless.design.verdict import Kind
 from cogless.study import Study
-from cogless.study.base import speed_text, spoken_unit
+from cogless.study.base import StudyBase, speed_text, spoken_unit
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Hall
 from cogless.study.reading import Changes
@@ -63,6 +63,12 @@ def doubt(study: Study, name: str, scenario: str) -> str:
     """Why the design is not sure of a controller's learning in a scenario, as a clause; "" if it is sure."""
     own_answer = answer_of(study, name, scenario)
     return own_answer.doubt if own_answer is not None else ""
+
+
+def other_seeds(study: StudyBase) -> tuple[int, int]:
+    """Two seeds other than the study's, for further runs where `doubt` says that one is partly chance."""
+    first, second, *_ = (seed for seed in range(3) if seed != study.seed)
+    return first, second
 
 
 def answer_of(study: Study, name: str, scenario: str = "") -> Answer | None:

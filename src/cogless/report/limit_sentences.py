@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from cogless.catalogue import sensor_words
+from cogless.design.answers import other_seeds
 from cogless.design.changes import SENSOR, SENSOR_BITS
 from cogless.report.comparison import shown_in, spoken
 from cogless.report.markup import number
@@ -32,7 +33,8 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     named = limits.named
     in_vain = _in_vain(study, limits)
     if not (named or limits.holding):
-        return Remark(in_vain) if in_vain else None
+        text = in_vain or _by_chance(study, limits)
+        return Remark(text) if text else None
 
     def with_unit(value: float) -> str:
         return _with_unit(study, _metric(study, limits, limits.metric), value)
@@ -45,9 +47,9 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     parts = [f"{with_unit(cause.value)} {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     own = f"{called(study, limits.controller)}, which leaves {with_unit(limits.value)}"
     text = f"What limits {own}: simulated again, it left {listed(parts)}."
-    if in_vain:
-        text += f" {in_vain}"
-    elif limits.cures and not limits.advised:
+    by_chance = _by_chance(study, limits)
+    text += "".join(f" {sentence}" for sentence in (in_vain, by_chance) if sentence)
+    if limits.cures and not (limits.advised or in_vain or by_chance):
         text += " No change that was tried leaves clearly less."
     for cure in limits.advised:
         text += f" {'A setting' if cure.setting else 'Other hardware'} that was tried:"
@@ -55,6 +57,15 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
         text += f"{_costs(study, limits, cure)}{_harms(study, cure)}."
         text += _of_learner(study, limits, cure, with_unit)
     return Remark(text, tuple(cure.changes for cure in limits.advised))
+
+
+def _by_chance(study: StudyBase, limits: Limits) -> str:
+    """A sentence on the best change that helped only with the study's seed; "" if there is none."""
+    cure = next((cure for cure in limits.cures if cure.by_chance), None)
+    if cure is None:
+        return ""
+    seeds = f"with seed={study.seed}, but not with seed={other_seeds(study)[0]}"
+    return f"{setting(study, cure.changes)} helped {seeds}."
 
 
 def _in_vain(study: StudyBase, limits: Limits) -> str:

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from cogless.design.answers import doubt
+from cogless.design.answers import doubt, other_seeds
 from cogless.report.angle_charts import sentences as growing
 from cogless.report.angle_charts import worsened
 from cogless.report.comparison import (
@@ -404,7 +404,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 def _doubts(case: _Case, scenario: str) -> list[str]:
     """Sentences on a scenario's winners whose next run may end otherwise, as their design says."""
-    another = f"In another run, such as with --set seed={0 if case.study.seed else 1},"
+    another = f"In another run, such as with --set seed={other_seeds(case.study)[0]},"
     return [
         f"{another} {case.label(c)} may leave more: {why}."
         for c in case.winners

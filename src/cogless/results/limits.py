@@ -82,7 +82,8 @@ class Cure:
     `costs`: other metrics that get clearly worse with the change.
     `learner`: the metric of `Limits.learner` with the change, SI; None: that law was not tried, or does not
     hold the speed. `harms`: the other scenarios that get clearly worse; known only of an advised change, and
-    of the changes that it replaces.
+    of the changes that it replaces. `by_chance`: a run with another seed does not show that it helps; known
+    likewise.
     """
 
     cause: str
@@ -92,6 +93,7 @@ class Cure:
     costs: Sequence[Cost] = ()
     learner: float | None = None
     harms: Sequence[Harm] = ()
+    by_chance: bool = False
 
     @property
     def of_law(self) -> bool:
@@ -178,5 +180,9 @@ class Limits:
         return [cure for cure in (self.setting, self.part) if cure is not None]
 
     def _best(self, setting: bool) -> Cure | None:
-        able = [c for c in self.cures if c.setting is setting and c.value <= HELPING_SHARE * self.value]
+        able = [
+            c
+            for c in self.cures
+            if c.setting is setting and c.value <= HELPING_SHARE * self.value and not c.by_chance
+        ]
         return next((cure for cure in able if not cure.harms), next(iter(able), None))

@@ -107,6 +107,7 @@ def _limits(results: AnyResults) -> dict[str, Any]:
                     "setting": cure.setting,
                     "costs": {cost.metric: cost.ratio for cost in cure.costs},
                     **({} if cure.learner is None else {"learner": cure.learner}),
+                    **({"by_chance": True} if cure.by_chance else {}),
                     **({"harms": [asdict(harm) for harm in cure.harms]} if cure.harms else {}),
                 }
                 for cure in limited.cures

@@ -10,6 +10,8 @@ pairs, unless single causes explain the result. Torque ripple is no such explana
 since learning should reject it.
 
 A change that may help is tried only against a cause with a clear share. All these runs have the study's seed.
+Where the design says that the ripple of one run is partly chance, a change is advised only if it helps with
+another seed, too.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+from cogless.design.answers import doubt, other_seeds
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Results, Run
@@ -111,7 +114,7 @@ def limits(
         causes=causes,
         untried=untried,
     )
-    return replace(limited, cures=_cures(tries, study, run, metric, limited))
+    return _not_by_chance(tries, study, replace(limited, cures=_cures(tries, study, run, metric, limited)))
 
 
 def holding(
@@ -148,7 +151,7 @@ def holding(
         return lacking
 
     _, in_vain = searched(HOLDING_WAYS, studies, tried, until_held=True)
-    return Limits(
+    limited = Limits(
         scenario=run.scenario,
         controller=run.controller,
         metric=result_name(metric),
@@ -158,6 +161,7 @@ def holding(
         cures=sorted(cures.values(), key=lambda cure: cure.value),
         in_vain=InVain(run.controller, in_vain) if in_vain and not cures else None,
     )
+    return _not_by_chance(tries, study, limited)
 
 
 @dataclass(frozen=True)
@@ -268,6 +272,35 @@ def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limit
         if (remaining := tries.value_of(metrics)) is not None and tries.fits(change)
     ]
     return sorted(cures, key=lambda cure: cure.value)
+
+
+def _not_by_chance(tries: _Tries, study: Study, limited: Limits) -> Limits:
+    """Return `limited` with the advised changes marked that help by chance; the next best take their place.
+
+    A change is tried with another seed if the design doubts the learning before it or after it.
+    """
+    seed = {"seed": other_seeds(study)[0]}
+    doubted = bool(doubt(study, limited.controller, limited.scenario))
+    checked: set[str] = set()
+    while new := [cure for cure in limited.advised if repr(cure.changes) not in checked]:
+        checked |= {repr(cure.changes) for cure in new}
+        new = [cure for cure in new if doubted or _is_doubted(study, cure.changes, limited)]
+        if not new:
+            continue
+        of_seed = [seed, *({**cure.changes, **seed} for cure in new)]
+        before, *after = [tries.value_of(metrics) for metrics in tries.metrics(of_seed)]
+        unhelpful = {
+            repr(cure.changes)
+            for cure, value in zip(new, after, strict=True)
+            if value is None or (before is not None and value > HELPING_SHARE * before)
+        }
+        cures = [replace(c, by_chance=c.by_chance or repr(c.changes) in unhelpful) for c in limited.cures]
+        limited = replace(limited, cures=cures)
+    return limited
+
+
+def _is_doubted(study: Study, changes: Changes, limited: Limits) -> bool:
+    return bool(doubt(changed(study, changes), limited.controller, limited.scenario))
 
 
 def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 from cogless import units
 from cogless.starter.amounts import SHORT_UNITS, amount, digits, span
 from cogless.starter.motor_rules import is_balanced
-from cogless.starter.motor_sections import MotorFacts
-from cogless.starter.request import NUMBERS, Request
+from cogless.starter.motor_sections import MAGNET_CONSTANTS, MotorFacts, put_motor
+from cogless.starter.request import NUMBERS, Request, parse_number
+from cogless.starter.sheet import Sheet
 from cogless.units import Dimension
 
 UNUSUAL_FACTOR = 2.0  # times an end of the class's range: a number beyond is called unusual
 UNLIKELY_FACTOR = 50.0  # times an end: a number beyond is doubted
 LIKELY_FACTOR = 5.0  # times an end: another unit that brings a number within is proposed
-OTHER_UNITS: dict[Dimension, tuple[str, ...]] = {units.INERTIA: ("kg*m^2", "kg*cm^2", "g*cm^2")}
+OTHER_UNITS: dict[Dimension, tuple[str, ...]] = {
+    units.INERTIA: ("kg*m^2", "kg*cm^2", "g*cm^2"),
+    units.BACK_EMF_CONSTANT: ("V/rpm", "mV/rpm", "V*s/rad"),
+}
 OF_THE_SIZE = ("rated-torque", "holding-torque", "rated-current")  # answers that give the size
 LOAD_INERTIA_MOST = 10.0  # load / rotor, by a usual rule for the choice of servo motors
 SLOTS_NEAR = 6  # slots up or down: the search for a balanced winding goes no farther
@@ -22,14 +28,17 @@ STAR_PHASES = 3
 OWN = "own"  # the class of a motor that is described by its numbers alone
 
 
-def doubts(request: Request, motor: MotorFacts) -> list[str]:
-    """At most one sentence on a number that is far from the class's, and one on the slots."""
+def doubts(request: Request, motor: MotorFacts, slip: str) -> list[str]:
+    """At most one sentence on a number that is far from the class's, and one on the slots.
+
+    `slip`: that of `magnet_slip`. It comes first, since what is usual depends on the magnet's constant.
+    """
     numbers = (
         text
         for flag, (low, high) in _usual(request, motor).items()
         if flag in request.numbers and (text := _doubt(request, motor, flag, low, high))
     )
-    return [*filter(None, [next(numbers, ""), _slots_doubt(request, motor)])]
+    return [*filter(None, [slip or next(numbers, ""), _slots_doubt(request, motor)])]
 
 
 def unusual(request: Request, motor: MotorFacts) -> list[str]:
@@ -41,6 +50,48 @@ def unusual(request: Request, motor: MotorFacts) -> list[str]:
         and not low / UNUSUAL_FACTOR <= _value(request, motor, flag) <= high * UNUSUAL_FACTOR
         and not (flag == "resistance" and motor.part.name == OWN and not _is_sized(request))
     ]
+
+
+def magnet_slip(request: Request, motor: MotorFacts, bus_voltage: float) -> str:
+    """A sentence on a magnet's constant whose unit is a slip; "" if it is none.
+
+    The constant contradicts other answers, and the same number with another unit does not. `bus_voltage`: V.
+    """
+    stated = [word for word in MAGNET_CONSTANTS if word in request.numbers]
+    if len(stated) != 1 or motor.phases != STAR_PHASES:
+        return ""
+    (word,) = stated
+    text, dimension = request.numbers[word].text, NUMBERS[word].dimension
+    conflict = _conflict(request, motor, bus_voltage)
+    number = text.split()[0]
+    for unit in (SHORT_UNITS | OTHER_UNITS)[dimension] if conflict else ():
+        answer = parse_number(word, f"{number} {unit}")
+        meant = replace(request, numbers={**request.numbers, word: answer})
+        meant_motor = put_motor(Sheet(), meant, motor.part)
+        if not _conflict(meant, meant_motor, bus_voltage):
+            reached = amount(meant_motor.reach(bus_voltage), units.ANGULAR_SPEED)
+            return f'--{word}: "{text}": {conflict}; perhaps you mean {answer.text}, which gives {reached}'
+    return ""
+
+
+def _conflict(request: Request, motor: MotorFacts, bus_voltage: float) -> str:
+    """What the magnet's constant contradicts among the other answers, as a clause; "" if nothing."""
+    torque, current = request.value("rated-torque"), request.value("rated-current")
+    constant, speed = motor.size.torque_constant, request.value("speed")
+    most = motor.reach(bus_voltage)
+    turns = f"{amount(bus_voltage, units.VOLTAGE)} then turn the motor at {amount(most, units.ANGULAR_SPEED)}"
+    if torque and current and abs(math.log(constant * current / torque)) > math.log(LIKELY_FACTOR):
+        ratio = amount(torque / current, units.TORQUE_CONSTANT)
+        return f"{turns} at most, and rated torque over rated current is {ratio}"
+    if speed is not None and speed > most:
+        return f"{turns} at most, but --speed is {request.numbers['speed'].text}"
+    between = request.between_terminals("resistance")
+    low, high = _usual(request, motor)["resistance"]
+    if between is not None and not low / LIKELY_FACTOR <= between.value <= high * LIKELY_FACTOR:
+        standstill = constant * 2 / math.sqrt(3) * bus_voltage / between.value
+        through = f"through {between.text} they give it {amount(standstill, units.TORQUE)} at standstill"
+        return f"{turns} at most, and {through}"
+    return ""
 
 
 def _is_sized(request: Request) -> bool:

@@ -24,17 +24,15 @@ from cogless.design.settling import settling
 from cogless.run.suspects import SENSOR
 from cogless.starter.amounts import amount, digits, exact_rate
 from cogless.starter.better_settings import better_settings
-from cogless.starter.doubts import doubts, unusual
+from cogless.starter.doubts import doubts, magnet_slip, unusual
 from cogless.starter.guess_list import guessed_values
-from cogless.starter.motor_rules import KV_TO_TORQUE
 from cogless.starter.motor_sections import (
     MAGNET_CONSTANTS,
     MotorFacts,
-    adapted,
     class_of,
     datasheet_tables,
     detent_friction,
-    is_same_size,
+    put_inertia,
     put_motor,
     put_step_motor,
     share_of,
@@ -94,7 +92,6 @@ ORDER_ROWS = 2.2  # rows in a wave of an order, at least, or no metric reports t
 CONVERTER_BITS = 12  # bits of each current sensor's converter
 # 1 / Kv, the torque per ampere of the supply with block commutation / torque per ampere of a phase (peak)
 BLOCK_RATIO = 2 / math.sqrt(3)
-LOAD_FACTOR = 3.0  # inertia with a load that nobody stated / that of the rotor, at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,11 +295,12 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
         for flag, answer in request.numbers.items()
         if answer.written
     ]
-    sheet.doubts += doubts(request, motor)
-    sheet.unusual += unusual(request, motor)
+    voltage = _voltage(request, motor, drive)
+    slip = magnet_slip(request, motor, voltage.typical)
+    sheet.doubts += doubts(request, motor, slip)
+    sheet.unusual += [] if slip else unusual(request, motor)
     _mechanics(sheet, request, motor)
     sensor = parts("encoders")[request.encoder]
-    voltage = _voltage(request, motor, drive)
     speed = _speed(request, motor, sensor, voltage.typical)
     if faster is not None:
         speed = faster, "the slowest speed at which the rotor does not snap from detent to detent"
@@ -393,18 +391,7 @@ def _mechanics(sheet: Sheet, request: Request, motor: MotorFacts) -> None:
     part, size = motor.part, motor.size
     if "inertia" in request.numbers:
         _refuse(request, ("load-inertia",), "since --inertia is that of rotor and load together: add the two")
-        section.put("inertia", request.numbers["inertia"].text)
-    else:
-        rotor = adapted(part["inertia"].scaled(size.inertia_factor), is_same_size(size.inertia_factor))
-        load = request.value("load-inertia")
-        with_load = Figure(
-            typical=rotor.typical + (load or 0.0),
-            low=rotor.low + (load or 0.0),
-            high=rotor.high + load if load is not None else LOAD_FACTOR * rotor.high,
-            reason=f"the rotor {'without a load' if load is None else 'and your load'}: {rotor.reason}",
-            is_guess=True,
-        )
-        sheet.guess(section, "inertia", with_load, units.INERTIA, path="mechanics", name="inertia")
+    put_inertia(sheet, section, request, motor)
     if "friction" in request.numbers:
         section.put("coulomb_friction", request.numbers["friction"].text)
     else:
@@ -445,15 +432,9 @@ def _speed(request: Request, motor: MotorFacts, sensor: Part, voltage: float) ->
     else:
         seen = 60 * COUNTS_PER_SECOND / sensor_counts(request, sensor)
     speed = max(round_125(cogs), round_125(seen))
-    reach = _reach(motor, voltage)
+    reach = units.convert(motor.reach(voltage), "rpm", units.ANGULAR_SPEED)
     reason = f"slow: the main cogging order comes {motor.main_order * speed / 60:.3g} times a second"
     return min(speed, round_125(VOLTAGE_SHARE * reach)), reason
-
-
-def _reach(motor: MotorFacts, voltage: float) -> float:
-    """The speed without load at a bus voltage, r/min."""
-    factor = KV_TO_TORQUE if motor.phases == 3 else 1.0
-    return 60 / math.tau * factor * voltage / motor.size.torque_constant
 
 
 def _drive(
@@ -597,7 +578,7 @@ def _scenario(
         section = sheet.section(f"[scenario.{name}]")
         section.put("duration", f"{duration:g} s")
         section.put("reference", text, *((f"guess: {reason}",) if reason else ()))
-        if rpm < _reach(motor, voltage):
+        if rpm < units.convert(motor.reach(voltage), "rpm", units.ANGULAR_SPEED):
             section.put("initial_speed", text)
     return rate
 

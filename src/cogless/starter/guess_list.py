@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from cogless.starter.motor_sections import class_of, put_motor, put_step_motor
+from cogless.starter.motor_sections import class_of, put_inertia, put_motor, put_step_motor
 from cogless.starter.request import NUMBERS, Answer, Request
 from cogless.starter.sheet import Sheet
 
@@ -41,10 +41,14 @@ def guessed_values(sheet: Sheet) -> dict[str, str]:
 
 
 def motor_guesses(motor: str, numbers: Mapping[str, Answer]) -> dict[str, str]:
-    """The guesses of a motor's own numbers beside those that are known, as text by flag without dashes."""
+    """The guesses of a motor's own numbers beside those that are known, as text by flag without dashes.
+
+    The inertia is among them.
+    """
     request, sheet = Request(motor=motor, drive="", encoder="", numbers=numbers), Sheet()
     part = class_of(request)
-    (put_motor if part.layouts else put_step_motor)(sheet, request, part)
+    facts = (put_motor if part.layouts else put_step_motor)(sheet, request, part)
+    put_inertia(sheet, sheet.section("[mechanics]"), request, facts)
     return {label.removeprefix("--"): text for label, text in guessed_values(sheet).items()}
 
 

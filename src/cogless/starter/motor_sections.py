@@ -29,6 +29,7 @@ from cogless.starter.request import Answer, Request, RequestError
 from cogless.starter.sheet import Guess, Section, Sheet, because
 from cogless.study.motor import AnyMotor, StarMotor, teeth_of
 
+LOAD_FACTOR = 3.0  # inertia with a load that nobody stated / that of the rotor, at most
 OTHER_LAYOUTS = 3  # other layouts that the study tries, at most
 # Answers on the magnet -> functions from the answer to K_t, and from K_t to the answer, all SI.
 MAGNET_CONSTANTS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
@@ -54,6 +55,10 @@ class MotorFacts:
     limit: float  # A, peak of a phase, that the motor bears all day
     limit_is_guess: bool
     limit_reason: str
+
+    def reach(self, voltage: float) -> float:
+        """The speed without load at a bus voltage, rad/s."""
+        return (KV_TO_TORQUE if self.phases == 3 else 1.0) * voltage / self.size.torque_constant
 
 
 def class_of(request: Request) -> Part:
@@ -406,6 +411,24 @@ def _layout_variants(
         variants[label] = change
     instead = f"{' or '.join(variants)} in place of {layout[0]}"
     return Guess(key="motor.slots", name="number of slots", span=instead, variants=variants)
+
+
+def put_inertia(sheet: Sheet, section: Section, request: Request, motor: MotorFacts) -> None:
+    """Write the inertia of rotor and load into the section of the mechanics."""
+    if "inertia" in request.numbers:
+        section.put("inertia", request.numbers["inertia"].text)
+        return
+    factor = motor.size.inertia_factor
+    rotor = adapted(motor.part["inertia"].scaled(factor), is_same_size(factor))
+    load = request.value("load-inertia")
+    with_load = Figure(
+        typical=rotor.typical + (load or 0.0),
+        low=rotor.low + (load or 0.0),
+        high=rotor.high + load if load is not None else LOAD_FACTOR * rotor.high,
+        reason=f"the rotor {'without a load' if load is None else 'and your load'}: {rotor.reason}",
+        is_guess=True,
+    )
+    sheet.guess(section, "inertia", with_load, units.INERTIA, path="mechanics", name="inertia")
 
 
 def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:

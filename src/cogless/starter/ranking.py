@@ -4,18 +4,22 @@ What counts is the answer that the user gets: whether the speed is held, and the
 leaves. Guesses that decide whether a speed is held come first. All others follow, in the order of their
 largest ripple over their smallest, at the speed where this is largest. Each change is made in the study, as
 by `--set`: the design follows.
+
+Where the design says that the ripple of one run is partly chance, the guesses with the largest effects are
+tried with further seeds. Then an effect counts only as far as it exceeds what the seeds change.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from cogless.control_library import NOTICED, SAFE_OUTPUT
+from cogless.design.answers import doubt, other_seeds
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
@@ -48,10 +52,30 @@ class Outcome:
     why: str
     uneven: bool = False
     error: float = math.inf
+    of_seeds: tuple[Outcome, ...] = ()  # of runs with other seeds, where one run is partly chance
 
     @property
     def holds(self) -> bool:
         return not self.why
+
+    @property
+    def all_seeds(self) -> tuple[Outcome, ...]:
+        return (self, *self.of_seeds)
+
+    @property
+    def surely_holds(self) -> bool:
+        """Whether the speed is held with each seed."""
+        return all(answer.holds for answer in self.all_seeds)
+
+    @property
+    def never_holds(self) -> bool:
+        return not any(answer.holds for answer in self.all_seeds)
+
+    @property
+    def ripple_range(self) -> tuple[float, float]:
+        """The least and the largest ripple of the seeds with which the speed is held, rad/s."""
+        ripples = [answer.ripple for answer in self.all_seeds if answer.holds]
+        return min(ripples), max(ripples)
 
 
 Outcomes = Mapping[str, Outcome]  # A scenario's name is the key.
@@ -86,20 +110,38 @@ class Effect:
 
     @property
     def decides(self) -> bool:
-        """Whether the guess decides if the speed is held."""
-        return len({answer.holds for answer in self.answers}) > 1
+        """Whether the guess decides if the speed is held, with each seed."""
+        surely = any(answer.surely_holds for answer in self.answers)
+        return surely and any(answer.never_holds for answer in self.answers)
+
+    @property
+    def held_outcomes(self) -> list[tuple[str, Outcome]]:
+        """The outcomes that hold the speed with each seed, by label, the least ripple first.
+
+        The label of the study without a change is "".
+        """
+        answers = [("", self.nominal), *self.outcomes.items()]
+        return sorted(
+            (item for item in answers if item[1].surely_holds), key=lambda item: item[1].ripple_range
+        )
 
     @property
     def ripples(self) -> tuple[float, float]:
-        """The least and the largest ripple of the runs that hold the speed, rad/s; nan if none does."""
-        ripples = [answer.ripple for answer in self.answers if answer.holds]
-        return (min(ripples), max(ripples)) if ripples else (math.nan, math.nan)
+        """The least and the largest ripple of the runs that hold the speed, rad/s; nan if none does.
+
+        With several seeds: the ripple of the least answer that no seed exceeds, and that of the largest
+        answer that each seed exceeds.
+        """
+        ranges = [answer.ripple_range for _, answer in self.held_outcomes]
+        if not ranges:
+            return math.nan, math.nan
+        return min(high for _, high in ranges), max(low for low, _ in ranges)
 
     @property
     def size(self) -> tuple[bool, float]:
         """The sorting key of guesses: whether this one decides, and its largest ripple over its least."""
         low, high = self.ripples
-        return self.decides, high / low if low > 0 else 1.0
+        return self.decides, max(1.0, high / low) if low > 0 else 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,11 +157,15 @@ class Ranking:
     """Outcomes by scenario, and the effects of the guesses in each scenario, the largest first.
 
     `duration`: that of the short runs, s, if their outcome is clearly another than the full run's; else 0.
+    `seeds`: the seeds of the runs in scenarios where one run is partly chance; only effects that were tried
+    with all of them count there. `chance`: the outcomes there without a change, with all seeds.
     """
 
     at_speeds: Mapping[str, AtSpeed]
     effects: tuple[Effect, ...]
     duration: float = 0.0
+    seeds: tuple[int, ...] = ()
+    chance: Outcomes = field(default_factory=dict)
 
     @property
     def lost(self) -> list[str]:
@@ -145,10 +191,13 @@ class Ranking:
         return [*of_guesses.values()]
 
 
-def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share: None) -> Ranking:
+def rank(
+    study: Study, guesses: Sequence[Guess], progress: Report = lambda share: None, count: int = 3
+) -> Ranking:
     """Run the study, and again with each guess changed. A refused or failed variant holds no speed.
 
-    The runs with a changed guess are short, unless a speed is held only in a full run.
+    The runs with a changed guess are short, unless a speed is held only in a full run. `count`: number of
+    guesses that are tried with further seeds where one run is partly chance.
     """
     (learned,), (base,) = (outcomes([study], law) for law in (LEARNING_LAW, BASELINE_LAW))
     short = shortened(study)
@@ -171,12 +220,44 @@ def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share
         for scenario in study.scenario
     ]
     effects.sort(key=lambda effect: effect.size, reverse=True)
+    doubted = [name for name in study.scenario if doubt(study, LEARNING_LAW, name)]
+    seeds = other_seeds(study) if doubted else ()
+    chance: dict[str, Outcome] = {}
+    for name in doubted:
+        largest = [effect for effect in effects if effect.scenario == name][:count]
+        length = study if name in slow else short
+        chance[name], tried = _tried_by_seeds(length, name, nominal[name], largest, seeds)
+        effects = [effect for effect in effects if effect.scenario != name] + tried
+    effects.sort(key=lambda effect: effect.size, reverse=True)
     alike = all(_is_alike(learned[scenario], nominal[scenario]) for scenario in learned)
     return Ranking(
         at_speeds={name: AtSpeed(learned=learned[name], baseline=base[name]) for name in study.scenario},
         effects=tuple(effects),
         duration=0.0 if alike else max(scenario.duration for scenario in short.scenario.values()),
+        seeds=(study.seed, *seeds) if seeds else (),
+        chance=chance,
     )
+
+
+def _tried_by_seeds(
+    study: Study, scenario: str, nominal: Outcome, effects: Sequence[Effect], seeds: Sequence[int]
+) -> tuple[Outcome, list[Effect]]:
+    """The outcome without a change, and effects in a scenario, with the runs of further seeds."""
+    changes = [{}, *(change for effect in effects for change in effect.guess.variants.values())]
+    answers = [nominal, *(answer for effect in effects for answer in effect.outcomes.values())]
+    able = [
+        place for place, change in enumerate(changes) if not isinstance(_changed(study, change), StudyError)
+    ]
+    variants = [changed(study, {**changes[place], "seed": seed}) for place in able for seed in seeds]
+    others = iter([of_seed[scenario] for of_seed in outcomes(variants, LEARNING_LAW, [scenario])])
+    for place in able:
+        answers[place] = replace(answers[place], of_seeds=tuple(next(others) for _ in seeds))
+    nominal, *rest = answers
+    answer = iter(rest)
+    return nominal, [
+        replace(effect, nominal=nominal, outcomes={label: next(answer) for label in effect.outcomes})
+        for effect in effects
+    ]
 
 
 def _is_alike(one: Outcome, other: Outcome) -> bool:
