@@ -564,14 +564,10 @@ def test_a_number_far_from_the_class_is_doubted(
     ],
 )  # fmt: skip
 def test_a_constant_of_the_magnet_in_another_unit_is_doubted_itself(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: dict[str, object], conflict: str, meant: str
+    numbers: dict[str, object], conflict: str, meant: str
 ) -> None:
     """Not the resistance that fits. At no load two phases have the bus voltage: K_t / sqrt(3) per rad/s."""
-    drafted_by_rules(monkeypatch)
-    of = request("own", "generic", "as5047", bus_voltage=24, **numbers)
-    of = replace(of, numbers={flag: answer for flag, answer in of.numbers.items() if flag != "kv"})
-    made = draft(of, "Mine", tmp_path / "mine.toml")
-    (doubt,) = made.doubts
+    of, doubt = slip_of(numbers)
     flag = "back-emf" if "back_emf" in numbers else "torque-constant"
     assert doubt.startswith(f'--{flag}: "{of.numbers[flag].text}": 24 V then turn the motor at ')
     assert f" rpm at most, {conflict}; perhaps you mean {meant}, which gives " in doubt
@@ -580,7 +576,21 @@ def test_a_constant_of_the_magnet_in_another_unit_is_doubted_itself(
     assert words is not None
     assert float(words[1]) == pytest.approx(24 * math.sqrt(3) / 2 / K_t * 60 / math.tau, rel=0.01)
     assert abs(math.log10(float(words[2]) / float(words[1]))) == pytest.approx(3, abs=0.01)
-    assert not made.unusual
+
+
+def slip_of(numbers: dict[str, object]) -> tuple[Request, str]:
+    of = request("own", "generic", "as5047", bus_voltage=24, **numbers)
+    of = replace(of, numbers={flag: answer for flag, answer in of.numbers.items() if flag != "kv"})
+    return of, magnet_slip(of, put_motor(Sheet(), of, class_of(of)), 24.0)
+
+
+def test_a_slip_of_the_constants_unit_is_the_only_doubt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drafted_by_rules(monkeypatch)
+    of, doubt = slip_of({"back_emf": 4.5, "speed": 20})
+    made = draft(of, "Mine", tmp_path / "mine.toml")
+    assert [*made.doubts] == [doubt] and not made.unusual
 
 
 @pytest.mark.parametrize(
@@ -594,10 +604,7 @@ def test_a_constant_of_the_magnet_in_another_unit_is_doubted_itself(
 def test_a_constant_that_no_other_unit_mends_is_not_doubted(
     numbers: dict[str, object],
 ) -> None:
-    of = request("own", "generic", "as5047", bus_voltage=24, **numbers)
-    of = replace(of, numbers={flag: answer for flag, answer in of.numbers.items() if flag != "kv"})
-    motor = put_motor(Sheet(), of, class_of(of))
-    assert magnet_slip(of, motor, 24.0) == ""
+    assert slip_of(numbers)[1] == ""
 
 
 def test_a_resistance_is_doubted_by_the_torque_that_it_means(tmp_path: Path) -> None:
