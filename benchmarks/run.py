@@ -52,10 +52,10 @@ TICKS = 300_000  # 20 s of the drive with ripple
 # with sensors so fine, rounding flips no count, and two right programs follow the same path
 FINE_SENSORS = {"drive.position_sensor.lines": 1_000_000, "drive.current_sensors.bits": 24}
 
-# how many times as fast a tick in step with others must be at least, by instructions and law
+# least speed of a tick in step with others / speed of a tick alone, by instruction set and law
 LANE_BARS = {"avx512": {"pi-ilc": 2.5, "harmonic": 2.0}, "avx2": {"pi-ilc": 2.2, "harmonic": 2.0}}
-LANE_TICKS = 2000  # of a piece
-LANE_ROUNDS = 100
+LANE_TICKS = 2000  # ticks of one timed piece
+LANE_ROUNDS = 100  # pieces of each kernel, in turns; the fastest counts
 
 Signal = NDArray[np.float64]
 
@@ -406,7 +406,7 @@ def trials() -> None:
 
 
 def lane_nanoseconds(drives: list[Any]) -> dict[int | None, float]:
-    """The best time of a tick [ns], by kernel; None: each drive alone."""
+    """The least time of a drive's tick [ns], by kernel; key None: each drive alone."""
 
     def pieces(kernel: int | None) -> Iterator[float]:
         states, recorders = (
@@ -414,7 +414,7 @@ def lane_nanoseconds(drives: list[Any]) -> dict[int | None, float]:
             [native.Recorder(drive, 4) for drive in drives],
         )
         while True:
-            begun = time.perf_counter()
+            begun = time.process_time()
             if kernel is None:
                 for drive, state, recorder in zip(drives, states, recorders, strict=True):
                     drive.advance(state, recorder, LANE_TICKS)
@@ -422,7 +422,7 @@ def lane_nanoseconds(drives: list[Any]) -> dict[int | None, float]:
                 size = native.lane_kernels()[kernel][1]
                 for some in (slice(first, first + size) for first in range(0, len(drives), size)):
                     native.advance_lanes(drives[some], states[some], recorders[some], LANE_TICKS, kernel)
-            taken = time.perf_counter() - begun
+            taken = time.process_time() - begun
             for recorder in recorders:
                 recorder.take()
             yield 1e9 * taken / LANE_TICKS / len(drives)

@@ -88,7 +88,7 @@ void require_config(const typename Row::Config& config, const cgl_loop& loop) {
     if (error != CGL_ERROR_MEMORY) require(error, Row::name);
 }
 
-// A sum of the harmonic law's orders, and the error of its PI, rad/s.
+// The input of a sum of the harmonic law's orders, the error that its PI controls, rad/s, and the sum, A.
 struct OrderSum {
     cgl_orders orders;
     cgl_real error, sum;

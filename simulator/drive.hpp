@@ -245,9 +245,10 @@ private:
     static void get(const LaneLoops& loops, std::size_t lane, DriveState& state);
     // Sine and cosine of an electrical angle, rad, and of where the rotor is when the voltage acts; omega_e: rad/s.
     static void turn(LaneLoops& loops, std::size_t lane, const cgl_foc& foc, cgl_real theta_e, cgl_real omega_e);
-    // An entry for each lane.
+    // The sum of each lane.
     using OrderSums = std::array<OrderSum, LaneLoops::most>;
-    // Takes sums of these lanes, those with the ranges of the first one together, and writes them to `of`.
+    // Computes the sums of these lanes, lane n as bit n, and writes them to `of`. The lanes with the same ranges of orders as the lowest
+    // one are computed together if they are at least half of the kernel's lanes, all others one by one.
     static void sum_orders(const LaneKernel& kernel, LaneOrders& all, OrderSums& of, std::uint32_t lanes);
     // The output of the current loop's last step, which a LaneLoops has made.
     static void take_output(const LaneLoops& loops, std::size_t lane, DriveState& state);
@@ -279,7 +280,8 @@ private:
     // Keeps the duty cycles of this period for the next one.
     void remember(DriveState& state, const Phases& applied) const;
     // alone: false in a lane. `current` is then what the sensors show, and actuate() must follow. If the law needs a sum of orders,
-    // control() returns true before it, with all but the sum in `orders`; then end_law() must follow. Alone it returns false.
+    // control() writes `orders` and returns true; the caller then computes orders->sum and calls end_law(). Else, and always alone, it
+    // returns false.
     template <std::size_t legs, bool alone = true>
     bool control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
                  const Faults& faults, Controller* other, OrderSum* orders = nullptr) const;

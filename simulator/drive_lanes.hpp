@@ -132,7 +132,7 @@ void Drive::sum_orders(const LaneKernel& kernel, LaneOrders& all, OrderSums& of,
     for (std::size_t n = 0; n < kernel.lanes; ++n) {
         if ((lanes >> n & 1U) != 0U && ranges(n) == first) together |= 1U << n;
     }
-    // of fewer, each one alone is faster
+    // with fewer than half of the lanes, one by one is faster
     if (2 * static_cast<std::size_t>(std::popcount(together)) < kernel.lanes) together = 0;
     if (together != 0U) {
         all.begin = first[0], all.end = first[1], all.low = first[2], all.acting = first[3];
@@ -198,7 +198,8 @@ bool Drive::sleep(LaneLoops& loops, Running& r) {
     if (s.next_load_step < steps.size()) r.wakes = std::min(r.wakes, steps[s.next_load_step].tick);
     if (r.wakes <= s.tick) return false;
     const std::size_t n = r.n;
-    loops.theta_m[n] = s.control.monitor.theta_m;  // in a period that is trusted, these are what the sensor shows
+    // the monitor trusts this period, so its angle and speed are those that the sensor shows
+    loops.theta_m[n] = s.control.monitor.theta_m;
     loops.omega_m[n] = s.control.monitor.omega_m;
     show_angle(loops, r);
     loops.omega_ref[n] = cgl_drive_omega_ref(&s.control, &s.asked);
@@ -234,8 +235,8 @@ void Drive::end_law(DriveState& s, const OrderSum& orders) const {
     obey<legs>(s, law.end(state_of(s.law, law), s.control.in, orders));
 }
 
-// As run(), but the steps of the plants are taken together, and so are those of the current loops. A plant whose rotor stops or breaks
-// away takes its step alone, and so does one with an open bridge, and a current loop that is at a limit.
+// As run(), but the steps of plants, those of current loops, and sums of orders are each computed together. These are computed alone: a
+// plant whose rotor stops or breaks away, or whose bridge is open, and a current loop at a limit.
 template <std::size_t legs, Detail detail>
 void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePlants& plants, std::int64_t end) {
     const Drive& first = *lanes.front().drive;
@@ -308,7 +309,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, LanePl
             }
             asleep = goes_on;
         }
-        std::uint32_t summing = 0, stepped = 0;  // awake lanes whose sums of orders are due, and those whose current loops step together
+        std::uint32_t summing = 0;  // awake lanes whose law needs a sum of orders
+        std::uint32_t stepped = 0;  // awake lanes whose current loops step together
         if (asleep != alive) {
             for (Running& r : all) {
                 if (has(asleep, r)) continue;

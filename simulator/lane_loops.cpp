@@ -227,13 +227,13 @@ template <class Part, std::size_t... lane>
 
 using Square = Real::Register[Real::lanes];
 
-// The even entries of the result are those of a, from `from` on, and the odd ones those of b.
+// a[from], b[from], a[from + 1], b[from + 1], ...
 template <std::size_t from, std::size_t... n>
 [[gnu::always_inline]] inline Real::Register zipped(const Real::Register& a, const Real::Register& b, std::index_sequence<n...>) {
     return __builtin_shufflevector(a, b, (from + n / 2 + n % 2 * Real::lanes)...);
 }
 
-// Rows become columns, in log2 of their number steps: each step zips the first half of the rows with the second.
+// Transposes the rows. Of n rows it takes log2(n) steps; each zips the first half of the rows with the second half.
 template <std::size_t step = 1, std::size_t... n>
 [[gnu::always_inline]] inline void transpose(Square& rows, std::index_sequence<n...> all) {
     constexpr std::size_t half = Real::lanes / 2;
@@ -242,8 +242,8 @@ template <std::size_t step = 1, std::size_t... n>
     if constexpr (step < half) transpose<2 * step>(rows, all);
 }
 
-// Calls f(at) for blocks of numbers, one for each lane, that together are those from `begin` to before `end` and perhaps some before.
-// Returns false if the numbers before `end` are too few for a block.
+// Calls f(at) for blocks of as many numbers as there are lanes, from `at` on, that cover `begin` to before `end`. The last block ends at
+// `end`, so it may start before `begin`. Returns false, and calls nothing, if `end` is less than a block.
 template <class F>
 [[gnu::always_inline]] inline bool blocks(std::uint32_t begin, std::uint32_t end, const F& f) {
     constexpr std::uint32_t size = Real::lanes;
@@ -263,7 +263,8 @@ template <class F>
     for (; !read && begin < end; ++begin) all[begin] = gathered(of, begin, each);
 }
 
-// Puts these numbers into each lane's array. Those before `begin` are as they were read.
+// Writes numbers from `begin` to before `end` into each lane's array. It may also write some before `begin`, which must be as they were
+// read.
 [[gnu::always_inline]] inline void write(Number* const* of, std::uint32_t begin, std::uint32_t end, const Real* all) {
     const bool written = blocks(begin, end, [&](std::uint32_t at) __attribute__((always_inline)) {
         Square rows;

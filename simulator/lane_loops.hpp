@@ -40,7 +40,7 @@ struct LaneLoops {
     Reals delayed;                          // 1: duty cycles act a period later; 0: at once
     Reals computed[3];                      // duty cycles of the last period
     Each<double> least_duty;                // see without_short_pulses()
-    // of a position sensor whose edges are timed: angles between which it stays at its count, and angle before, rad
+    // if the position sensor's edges are timed: angles between which its count stays, and the angle in the step before, rad
     Each<double> theta_low, theta_high, theta_before;
     Each<const cgl_real*> in;               // the numbers of cgl_foc_input, for step_loops(), which does not use its angle
     // each with a number for each lane: numbers that must be finite, the measured currents, A, and the duty cycles that act in this period

@@ -145,7 +145,7 @@ public:
                config_.error_table.empty() && config_.latency <= 0.0;
     }
 
-    // Angles, rad, from the first of which to before the second the count surely stays: all but a rounding error of its step.
+    // Angles low and high, rad: the count stays for low <= theta < high. They lie inside the count's step by a rounding error, to be sure.
     std::pair<double, double> bounds(const State& s) const {
         const double low = static_cast<double>(s.count) * step_, high = static_cast<double>(s.count + 1) * step_;
         return {low + 0x1p-50 * std::abs(low), high - 0x1p-50 * std::abs(high)};

@@ -48,7 +48,7 @@ def sensor_bits() -> Mapping[str, int]:
 
 @cache
 def edge_timers() -> Mapping[str, bool]:
-    """Whether each drive of `cogless new` has a clock that times edges, by the drive's name there."""
+    """Whether a drive has a clock that times edges, by its name in `cogless new --drive`."""
     parts = tomllib.loads(shipped("parts")["drives"].read_text(encoding="utf-8"))
     return {name: "timer" in part for name, part in parts.items()}
 

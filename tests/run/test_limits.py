@@ -267,7 +267,7 @@ def test_a_change_that_helps_by_chance_is_not_advised(study):
     assert all(with_another_seed(cure.changes) > HELPING_SHARE * before for cure in by_chance)
     assert all(with_another_seed(cure.changes) <= HELPING_SHARE * before for cure in limited.advised)
     text = str(remark(coarse, limited))
-    assert "helped with seed=2, but not with seed=0." in text
+    assert "is not advised, since it helped by chance: with seed=2, but not with seed=0." in text
     assert "No change that was tried" not in text
 
 

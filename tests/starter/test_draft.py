@@ -554,12 +554,12 @@ def test_a_number_far_from_the_class_is_doubted(
     ("numbers", "conflict", "meant"),
     [
         ({"torque_constant": 36.9, "speed": 20}, "but --speed is 20 rpm", "36.9 mN*m/A"),
-        ({"torque_constant": 36.9, "speed": 5}, "and through 0.5 ohm they give it 2050 N*m at standstill",
+        ({"torque_constant": 36.9, "speed": 5}, "and with 0.5 ohm its torque at standstill would be 2050 N*m",
          "36.9 mN*m/A"),
         ({"torque_constant": 36.9, "speed": 5, "rated_torque": 0.18, "rated_current": 5},
          "and rated torque over rated current is 36 mN*m/A", "36.9 mN*m/A"),
         ({"torque_constant": "0.0369 mN*m/A", "speed": 20},
-         "and through 0.5 ohm they give it 2.05 mN*m at standstill", "0.0369 N*m/A"),
+         "and with 0.5 ohm its torque at standstill would be 2.05 mN*m", "0.0369 N*m/A"),
         ({"back_emf": 4.5, "speed": 20}, "but --speed is 20 rpm", "4.5 mV/rpm"),
     ],
 )  # fmt: skip
@@ -569,7 +569,7 @@ def test_a_constant_of_the_magnet_in_another_unit_is_doubted_itself(
     """Not the resistance that fits. At no load two phases have the bus voltage: K_t / sqrt(3) per rad/s."""
     of, doubt = slip_of(numbers)
     flag = "back-emf" if "back_emf" in numbers else "torque-constant"
-    assert doubt.startswith(f'--{flag}: "{of.numbers[flag].text}": 24 V then turn the motor at ')
+    assert doubt.startswith(f'--{flag}: "{of.numbers[flag].text}": with it 24 V turn the motor at ')
     assert f" rpm at most, {conflict}; perhaps you mean {meant}, which gives " in doubt
     K_t = of.numbers[flag].value * (math.sqrt(3 / 2) if flag == "back-emf" else 1)
     words = re.search(r"at ([0-9.]+) rpm at most.* which gives ([0-9.]+) rpm$", doubt)

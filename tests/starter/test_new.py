@@ -237,19 +237,19 @@ def test_where_a_run_is_partly_chance_the_range_of_its_seeds_is_printed() -> Non
         return _ranking_lines(study, ranking, Settings(), Path("mine.toml"), ())
 
     clear, unclear = printed(lost, small), printed(seeded(outcome(0.2), outcome(0.55), outcome(0.4)))
-    begin = clear.index("With the same numbers and the seeds 0, 1 and 2, runs of 12 s of harmonic at 30")
+    begin = clear.index("The ripple at 30 r/min is partly chance: with the seeds 0, 1 and 2, runs of 12 s")
     assert clear[begin + 1 :][:8] == [
-        "r/min leave 0.5 to 0.8 r/min.",
+        "of harmonic leave 0.5 to 0.8 r/min.",
         "",
         "Two guesses matter, as runs of 12 s show. Measure or look up first:",
-        "  1. name 0, 1 to 2 (key.0): with 1 mN*m the speed is not held, with each seed:",
+        "  1. name 0, 1 to 2 (key.0): with 1 mN*m the speed is not held, with any seed:",
         "     the rotor turns in jerks",
         "  2. name 1, 1 to 2 (key.1): harmonic leaves 0.1 to 0.3 r/min with 1 mN*m, 0.5",
         "     to 0.8 r/min with the guessed value",
         "",
     ]
     text = " ".join(" ".join(unclear).split())
-    assert "leave 0.5 to 0.8 r/min. No guess, at an end of its range, clearly changes that." in text
+    assert "leave 0.5 to 0.8 r/min. No guess, at an end of its range, clearly changes it by more." in text
     assert "matter" not in text
 
 

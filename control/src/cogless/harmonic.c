@@ -384,10 +384,10 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
 typedef struct {
     uint32_t angle;        /* where the rotor will be when the current flows [2^-32 turns] */
     cgl_real loads, error; /* what slow orders learn from [turns/ts^2], and what fast orders learn from [turns]; 0: nothing is learned */
-    cgl_real omega_error;  /* error of the PI [rad/s] */
+    cgl_real omega_error;  /* error that the PI controls [rad/s]; `error` is that of the observer */
 } step_inputs;
 
-/* The orders that act at `angle` [2^-32 turns]. In each step, another group of the slow orders is corrected. */
+/* The input of cgl_sum_of_orders() for the sum at `angle` [2^-32 turns]. Each step corrects another group of the slow orders. */
 static cgl_orders orders_at(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
 {
     const uint32_t orders = law->config.orders, low = law->low, share = law->tick % SLOW_SHARES;
@@ -399,7 +399,7 @@ static cgl_orders orders_at(cgl_harmonic *law, uint32_t angle, cgl_real loads, c
     return acting;
 }
 
-/* Corrects orders, and returns T [A]. */
+/* Corrects the orders that are due, and returns T, the sum of the orders that act [A]. The arguments are those of step_inputs. */
 CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
 {
     cgl_orders orders = orders_at(law, angle, loads, error);
@@ -454,7 +454,7 @@ CGL_SELDOM static void set_learning(cgl_harmonic *law, bool may)
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
 }
 
-/* Steps observer and gains at the measured angle theta [2^-32 turns]. `omega_error`: error of the PI [rad/s]. */
+/* Steps observer and gains at the measured angle theta [2^-32 turns]. `omega_error`: as in step_inputs. */
 static step_inputs observed(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, cgl_real omega_error)
 {
     if (!CGL_OFTEN(law->follows)) {
@@ -537,8 +537,8 @@ bool cgl_harmonic_begin(cgl_harmonic *law, const cgl_law_input *in, cgl_real *er
 void cgl_harmonic_end(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, const cgl_orders *orders, cgl_real sum,
                       cgl_law_output *out);
 
-/* Does the part of a step before the sum of orders. Returns false, and does nothing, for a step without a sum and for one that forgets;
- * cgl_harmonic_step() is then to do it. `error`: of the PI [rad/s]. */
+/* Does the part of a step before the sum of orders, and writes `orders` and `error`, which the PI controls [rad/s]. Returns false, and does
+ * nothing, if the step has no sum or forgets: then call cgl_harmonic_step() for the whole step. */
 bool cgl_harmonic_begin(cgl_harmonic *law, const cgl_law_input *in, cgl_real *error, cgl_orders *orders)
 {
     if (law->pi.ready != CGL_READY || in->off || in->forget || !cgl_is_angle(in->theta_m)) {

@@ -9,13 +9,13 @@
 #include "choice.h"
 #include "real.h"
 
-/* The sum is that of the lowest `acting` orders. Those from `begin` to before `end` are corrected by `loads`, those from `low` on by
- * `error`. */
+/* begin <= end <= low <= acting are indices of orders. The sum is that of the orders 0 to acting - 1. `loads` corrects the slow orders from
+ * `begin` to end - 1, and `error` corrects all fast ones, from `low` to acting - 1. */
 typedef struct {
     cgl_real *cosine, *sine; /* amplitudes [A] */
     const cgl_real *gain;    /* pairs of gains for learning [A/turn] */
     uint32_t begin, end, low, acting;
-    cgl_phasor first;        /* of the lowest order, at the angle for which the sum is */
+    cgl_phasor first;        /* phasor of the lowest order at the angle of the sum */
     cgl_real loads, error;   /* what slow orders learn from [turns/ts^2], and what fast orders learn from [turns] */
     cgl_real limit;          /* bound of the sum, and of each amplitude [A] */
     cgl_real phase_sum;      /* as in cgl_harmonic_bend [A^2] */

@@ -47,8 +47,7 @@ typedef struct {
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
     uint32_t gentle;            /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
-    cgl_real q, beta_1;         /* q [-] and beta_1 [rad/s^2] in use, after the guard's reduction by the step `gentle`: beta_1 is 0 from
-                                   step 2 on */
+    cgl_real q, beta_1;         /* q [-] and beta_1 [rad/s^2] in use: the guard's step `gentle` reduces q, and from step 2 on beta_1 is 0 */
     cgl_real error_integral;    /* integral of e [rad], within +-1e9 */
     cgl_real adapted;           /* r [rad/s^2] */
     cgl_real integral_lost, adapted_lost; /* rounding errors of error_integral [rad] and adapted [rad/s^2], added in the next step */

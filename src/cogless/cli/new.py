@@ -455,14 +455,14 @@ def _ranking_lines(
 
 
 def _chance_text(study: Study, ranking: Ranking, scenario: str, is_clear: bool) -> str:
-    """How much the ripple of a speed is chance. `is_clear`: a guess changes it by more than that."""
+    """How much a speed's ripple differs between seeds. `is_clear`: a guess changes it by more."""
     runs = f"runs of {ranking.duration:.2g} s" if ranking.duration else "runs"
     first, second, third = ranking.seeds
     text = (
-        f"With the same numbers and the seeds {first}, {second} and {third}, {runs} of harmonic at "
-        f"{_speeds(study, [scenario])} leave {_ripples(ranking.chance[scenario])}."
+        f"The ripple at {_speeds(study, [scenario])} is partly chance: with the seeds {first}, {second} and "
+        f"{third}, {runs} of harmonic leave {_ripples(ranking.chance[scenario])}."
     )
-    return text if is_clear else f"{text} No guess, at an end of its range, clearly changes that."
+    return text if is_clear else f"{text} No guess, at an end of its range, clearly changes it by more."
 
 
 def _answer_lines(study: Study, ranking: Ranking, designs: Mapping[str, Answer | None]) -> list[str]:
@@ -585,7 +585,8 @@ def _effect_text(effect: Effect) -> str:
                 f"{_ripples(outcome)}{_jerks(outcome)}"
             )
         label, outcome = next(item for item in effect.outcomes.items() if item[1].never_holds)
-        return f"with {label} the speed is not held{with_seeds}: {outcome.why}"
+        with_any = ", with any seed" if effect.nominal.of_seeds else ""
+        return f"with {label} the speed is not held{with_any}: {outcome.why}"
     if effect.nominal.of_seeds:
         (low, least), *_, (high, largest) = effect.held_outcomes
         ends = [

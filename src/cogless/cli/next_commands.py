@@ -50,7 +50,7 @@ def _broken(start: str, words: Sequence[str]) -> list[str]:
 
 
 def _commands(results: AnyResults, study: str, changes: list[str]) -> Iterator[tuple[list[str], str]]:
-    """Words of commands, with comments: hold a lost speed, export the best law, a table for the drive."""
+    """Words of commands, with comments: hold a lost speed, export the best law, make a table."""
     from cogless.report import best_controller
     from cogless.study.toml import toml
 
@@ -69,9 +69,9 @@ def _commands(results: AnyResults, study: str, changes: list[str]) -> Iterator[t
 
 
 def _table_commands(study: Study, name: str, changes: list[str]) -> Iterator[tuple[list[str], str]]:
-    """The command towards a table of currents for the study's drive; none if it leads to no table.
+    """The next command towards a table of currents in the study's drive; none if the drive takes none.
 
-    `name`: of the study, as in the command line. A plan takes no `changes`.
+    `name`: the study in the command line. With `changes` no plan is suggested, since it would ignore them.
     """
     drive = None
     if study.drive.make is not None:  # else the module, which is slow to load, is not needed
@@ -91,7 +91,7 @@ def _table_commands(study: Study, name: str, changes: list[str]) -> Iterator[tup
         remark = f"a script that records logs, for a table of currents in {where}"
         yield ["identify", "--plan", name, "--drive", drive.name], remark
     elif takes:
-        yield ["drives"], f"what {drive.title} reads and takes"
+        yield ["drives"], f"logs and tables that cogless reads and writes for {drive.title}"
 
 
 def _exports(results: Results, controller: str) -> bool:

@@ -66,7 +66,7 @@ def doubt(study: Study, name: str, scenario: str) -> str:
 
 
 def other_seeds(study: StudyBase) -> tuple[int, int]:
-    """Two seeds other than the study's, for further runs where `doubt` says that one is partly chance."""
+    """Two seeds other than the study's, for further runs where, by `doubt`, a single run may mislead."""
     first, second, *_ = (seed for seed in range(3) if seed != study.seed)
     return first, second
 

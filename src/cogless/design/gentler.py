@@ -50,7 +50,7 @@ def other_law_rates(study: Study) -> list[Changes]:
 
 
 def timed_edges(study: Study) -> Changes | None:
-    """The change to a speed that is timed between edges; None: sensor or drive can't have it, or have it."""
+    """The change to the speed method MT; None: sensor or drive can't do it, or the study has it."""
     sensor, key, make = study.drive.position_sensor, "drive.position_sensor", study.drive.make
     if make is not None and not edge_timers()[make]:
         return None

@@ -30,7 +30,7 @@ class KindOfDesign:
     to_dict: Callable[[Any], dict[str, Any]]  # the JSON of `cogless design`
     table: Callable[[Any], Group]  # the text of `cogless design --long`
     blocks: Callable[[Any], Blocks]  # the text of `cogless design`
-    # arguments: study, scenario, controller; returns the design's numbers, and its verdict, a statement each
+    # arguments: study, scenario, controller; returns the design's numbers, and the statements of its verdict
     figures: Callable[[Any, str, str], tuple[dict[str, Any], list[str]]]
     warnings: Callable[[Any, str, str], list[Remark]]  # arguments: study, scenario, controller
     before_runs: Callable[[Any, Sequence[Pair]], Iterable[object]] = lambda study, pairs: ()  # warnings

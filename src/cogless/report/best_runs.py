@@ -148,7 +148,7 @@ def _learning_off(results: Results, best: Judged, traces: Path | None) -> Learni
 
 
 def best_controller(results: Results) -> str | None:
-    """The controller that the verdicts of most scenarios name as the best; None if no verdict names one."""
+    """The controller that the most verdicts of scenarios name as the best; None if no verdict names one."""
     verdicts = [verdict(results, runs_in(results, scenario)) for scenario in results.scenarios]
     winners = [named.best for named in verdicts if named is not None and named.best]
     return max(winners, key=winners.count, default=None)

@@ -65,7 +65,7 @@ def _by_chance(study: StudyBase, limits: Limits) -> str:
     if cure is None:
         return ""
     seeds = f"with seed={study.seed}, but not with seed={other_seeds(study)[0]}"
-    return f"{setting(study, cure.changes)} helped {seeds}."
+    return f"The change {setting(study, cure.changes)} is not advised, since it helped by chance: {seeds}."
 
 
 def _in_vain(study: StudyBase, limits: Limits) -> str:
@@ -110,7 +110,7 @@ def _cause_words(cause: Cause) -> str:
 def _sensor(study: StudyBase, cure: Cure) -> str:
     """What a change of the position sensor needs: sensors with so many bits, or a timer; "" if nothing.
 
-    It is not known whether an unknown drive has a timer.
+    A timer is named only if the study names no drive; else only what its drive can do is tried.
     """
     bits, sensor = cure.changes.get(SENSOR_BITS), cure.changes.get(SENSOR, {})
     if "MT" in (cure.changes.get(f"{SENSOR}.speed_method"), sensor.get("speed_method")):

@@ -171,7 +171,7 @@ class _Case(Contest):
 
     @property
     def ranks(self) -> bool:
-        """Whether several controllers have a value, and the baseline is ranked or did not hold the speed."""
+        """Whether controllers can be compared: several have a value; the baseline has one or lost the speed."""
         compared = self.baseline in self.ranked or self.baseline in self.line.missed
         return bool(self.ranked) and len(self.line.values) > 1 and compared
 
@@ -506,7 +506,7 @@ def _best(case: _Case, tone: str) -> str:
     if not case.ranks:
         return ""
     if winners == [base]:
-        return base if tone == "worse" else ""  # the tone is even where nothing was learned
+        return base if tone == "worse" else ""  # tone "even": no law learned anything
     off = learning_helps(case)
     if base in winners or (base in case.ranked and off is not None and off.tone != "better"):
         return ""

@@ -30,8 +30,8 @@ class ScenarioVerdict:
     `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
     headline is about the faults, and the tone is no better than that of the response to them.
     `cost`: a sentence on what the best controller costs; "" where that is unknown. `doubts`: sentences on
-    winners whose next run may end otherwise. `best`: the controller to take, by the headline; "" if it names
-    none, as where all are alike or learning does not help.
+    winners whose next run may end otherwise. `best`: the controller that the headline recommends; "" if
+    none, such as if all are alike, or learning does not help.
     """
 
     scenario: str

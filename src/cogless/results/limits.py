@@ -82,8 +82,8 @@ class Cure:
     `costs`: other metrics that get clearly worse with the change.
     `learner`: the metric of `Limits.learner` with the change, SI; None: that law was not tried, or does not
     hold the speed. `harms`: the other scenarios that get clearly worse; known only of an advised change, and
-    of the changes that it replaces. `by_chance`: a run with another seed does not show that it helps; known
-    likewise.
+    of the changes that it replaces. `by_chance`: the change helps with the study's seed, but not with
+    another; this, too, is known only of changes that are, or were first, advised.
     """
 
     cause: str

@@ -275,9 +275,9 @@ def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limit
 
 
 def _not_by_chance(tries: _Tries, study: Study, limited: Limits) -> Limits:
-    """Return `limited` with the advised changes marked that help by chance; the next best take their place.
+    """Mark the advised changes of `limited` that help only by chance; the next best then take their place.
 
-    A change is tried with another seed if the design doubts the learning before it or after it.
+    A change is tried with another seed if the design doubts the learning without or with the change.
     """
     seed = {"seed": other_seeds(study)[0]}
     doubted = bool(doubt(study, limited.controller, limited.scenario))

@@ -31,7 +31,8 @@ OWN = "own"  # the class of a motor that is described by its numbers alone
 def doubts(request: Request, motor: MotorFacts, slip: str) -> list[str]:
     """At most one sentence on a number that is far from the class's, and one on the slots.
 
-    `slip`: that of `magnet_slip`. It comes first, since what is usual depends on the magnet's constant.
+    `slip`: the sentence of `magnet_slip`, or "". It replaces the one on a number, since what is usual depends
+    on the magnet's constant.
     """
     numbers = (
         text
@@ -53,9 +54,10 @@ def unusual(request: Request, motor: MotorFacts) -> list[str]:
 
 
 def magnet_slip(request: Request, motor: MotorFacts, bus_voltage: float) -> str:
-    """A sentence on a magnet's constant whose unit is a slip; "" if it is none.
+    """A sentence on a magnet's constant whose unit is probably wrong; "" if there is none.
 
-    The constant contradicts other answers, and the same number with another unit does not. `bus_voltage`: V.
+    That is so if the constant contradicts other answers, and the same number with another unit does not.
+    `bus_voltage`: V.
     """
     stated = [word for word in MAGNET_CONSTANTS if word in request.numbers]
     if len(stated) != 1 or motor.phases != STAR_PHASES:
@@ -79,7 +81,9 @@ def _conflict(request: Request, motor: MotorFacts, bus_voltage: float) -> str:
     torque, current = request.value("rated-torque"), request.value("rated-current")
     constant, speed = motor.size.torque_constant, request.value("speed")
     most = motor.reach(bus_voltage)
-    turns = f"{amount(bus_voltage, units.VOLTAGE)} then turn the motor at {amount(most, units.ANGULAR_SPEED)}"
+    turns = (
+        f"with it {amount(bus_voltage, units.VOLTAGE)} turn the motor at {amount(most, units.ANGULAR_SPEED)}"
+    )
     if torque and current and abs(math.log(constant * current / torque)) > math.log(LIKELY_FACTOR):
         ratio = amount(torque / current, units.TORQUE_CONSTANT)
         return f"{turns} at most, and rated torque over rated current is {ratio}"
@@ -89,7 +93,7 @@ def _conflict(request: Request, motor: MotorFacts, bus_voltage: float) -> str:
     low, high = _usual(request, motor)["resistance"]
     if between is not None and not low / LIKELY_FACTOR <= between.value <= high * LIKELY_FACTOR:
         standstill = constant * 2 / math.sqrt(3) * bus_voltage / between.value
-        through = f"through {between.text} they give it {amount(standstill, units.TORQUE)} at standstill"
+        through = f"with {between.text} its torque at standstill would be {amount(standstill, units.TORQUE)}"
         return f"{turns} at most, and {through}"
     return ""
 

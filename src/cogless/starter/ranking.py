@@ -110,7 +110,7 @@ class Effect:
 
     @property
     def decides(self) -> bool:
-        """Whether the guess decides if the speed is held, with each seed."""
+        """Whether one value of the guess holds the speed with each seed, and another one with no seed."""
         surely = any(answer.surely_holds for answer in self.answers)
         return surely and any(answer.never_holds for answer in self.answers)
 
@@ -127,10 +127,11 @@ class Effect:
 
     @property
     def ripples(self) -> tuple[float, float]:
-        """The least and the largest ripple of the runs that hold the speed, rad/s; nan if none does.
+        """The least and the largest ripple of the answers that hold the speed, rad/s; nan if none does.
 
-        With several seeds: the ripple of the least answer that no seed exceeds, and that of the largest
-        answer that each seed exceeds.
+        With several seeds, an answer has a range of ripples. Then these are the lowest upper end and the
+        highest lower end of the ranges: only what the seeds do not explain lies between them. If the first is
+        not less than the second, the guess has no clear effect.
         """
         ranges = [answer.ripple_range for _, answer in self.held_outcomes]
         if not ranges:
@@ -196,8 +197,8 @@ def rank(
 ) -> Ranking:
     """Run the study, and again with each guess changed. A refused or failed variant holds no speed.
 
-    The runs with a changed guess are short, unless a speed is held only in a full run. `count`: number of
-    guesses that are tried with further seeds where one run is partly chance.
+    The runs with a changed guess are short, unless a speed is held only in a full run. `count`: guesses in
+    each scenario that are tried with further seeds, where one run is partly chance.
     """
     (learned,), (base,) = (outcomes([study], law) for law in (LEARNING_LAW, BASELINE_LAW))
     short = shortened(study)
@@ -242,7 +243,7 @@ def rank(
 def _tried_by_seeds(
     study: Study, scenario: str, nominal: Outcome, effects: Sequence[Effect], seeds: Sequence[int]
 ) -> tuple[Outcome, list[Effect]]:
-    """The outcome without a change, and effects in a scenario, with the runs of further seeds."""
+    """`nominal` and `effects` of one scenario, each outcome with `of_seeds` from runs with these seeds."""
     changes = [{}, *(change for effect in effects for change in effect.guess.variants.values())]
     answers = [nominal, *(answer for effect in effects for answer in effect.outcomes.values())]
     able = [

@@ -432,8 +432,9 @@ class Drive(Table):
     """Power electronics, sensors, current loop and monitor."""
 
     make: Make | None = None
-    """Drive by its name in `cogless new --drive`. cogless then advises only what this drive can do. The
-    simulation does not depend on it. Default: unknown."""
+    """Drive by its name in `cogless new --drive`. `cogless run` then advises the speed method `MT` only if
+    this drive can time edges, and suggests commands for it. The simulation does not depend on it. Default:
+    unknown."""
     precision: Literal["single", "double"] = "single"
     """Number type of the control laws: `"single"` (float in C) or `"double"`. The motor and the mechanics are
     always simulated in double precision."""

@@ -27,7 +27,7 @@ from cogless.study import AnyStudy
 def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], list[str]]:
     """Results (name, value with its unit) named and ordered as in `cogless design --json`, and the verdict.
 
-    The verdict says whether learning works, a statement each; it is empty for a law that learns nothing.
+    The verdict: statements on whether learning works; none for a law that learns nothing.
     """
     from cogless.design.kinds import DESIGNS
 

@@ -38,7 +38,7 @@ class Subject:
     map: tuple[int, int] | None  # channels and cells of the learned map; None: nothing to store
     learning_matrix: NDArray[np.floating[Any]] | None
     figures: list[tuple[str, str]]  # name and value, as `cogless design` shows them
-    verdict: Sequence[str]  # what `cogless design` says about learning, a statement each
+    verdict: Sequence[str]  # statements of `cogless design` about learning
     command: str  # command line of this export
 
     @property
