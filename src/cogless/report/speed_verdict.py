@@ -171,7 +171,10 @@ class _Case(Contest):
 
     @property
     def ranks(self) -> bool:
-        """Whether controllers can be compared: several have a value; the baseline has one or lost the speed."""
+        """Whether controllers can be compared.
+
+        Several must have a value, and the baseline must have one or have lost the speed.
+        """
         compared = self.baseline in self.ranked or self.baseline in self.line.missed
         return bool(self.ranked) and len(self.line.values) > 1 and compared
 
