@@ -394,8 +394,9 @@ static cgl_orders orders_at(cgl_harmonic *law, uint32_t angle, cgl_real loads, c
     cgl_real *const cosine = law->cosine, *const sine = cosine + orders;
     cgl_phasor first;
     cgl_sincos_of_turns(law->config.base * angle, &first.sine, &first.cosine);
-    const cgl_orders acting = {cosine, sine, sine + 2U * orders, low * share / SLOW_SHARES, low * (share + 1U) / SLOW_SHARES, low,
-                               law->acting, first, loads, error, law->config.limit, law->bend.phase_sum};
+    const cgl_orders acting = {
+        cosine, sine, sine + 2U * orders, low * share / SLOW_SHARES, low * (share + 1U) / SLOW_SHARES, low, law->acting,
+        {first.cosine, first.sine}, loads, error, law->config.limit, law->bend.phase_sum};
     return acting;
 }
 

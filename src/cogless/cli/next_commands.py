@@ -73,13 +73,13 @@ def _table_commands(study: Study, name: str, changes: list[str]) -> Iterator[tup
 
     `name`: the study in the command line. With `changes` no plan is suggested, since it would ignore them.
     """
-    drive = None
-    if study.drive.make is not None:  # else the module, which is slow to load, is not needed
-        from cogless.drives.registry import ADAPTERS, script_files
-
-        drive = ADAPTERS.get(study.drive.make)
-    if drive is None:
+    if study.drive.make is None:
         yield ["drives"], "drives that take a table of currents"
+        return
+    from cogless.drives.registry import ADAPTERS, script_files
+
+    drive = ADAPTERS.get(study.drive.make)
+    if drive is None:  # a board of one's own, which runs the exported C
         return
     try:
         has_plan = not changes and bool(script_files(study, drive.name, None))
