@@ -163,5 +163,5 @@ def test_no_line_of_a_page_is_taken_for_a_comment() -> None:
 def test_the_page_gives_the_bounds_beyond_which_an_answer_is_not_sure() -> None:
     lines = (GUIDE / "command-line.md").read_text("utf-8").splitlines()
     (row,) = (line for line in lines if line.startswith("| not sure |"))
-    assert f"more than {HARMFUL_RATIO:g} times that of the feedback alone" in row
+    assert f"more than {HARMFUL_RATIO:g} times the ripple (rms) of the feedback alone" in row
     assert f"less than {min(BELIEF_FACTORS):g} or more than {max(BELIEF_FACTORS):g}" in row
