@@ -254,25 +254,25 @@ template <class F>
 
 // Numbers from `begin` to before `end` of each lane's array.
 [[gnu::always_inline]] inline void read(const Number* const* of, std::uint32_t begin, std::uint32_t end, Real* all) {
-    const bool read = blocks(begin, end, [&](std::uint32_t at) __attribute__((always_inline)) {
+    const bool in_blocks = blocks(begin, end, [&](std::uint32_t at) __attribute__((always_inline)) {
         Square rows;
         for (std::size_t lane = 0; lane < Real::lanes; ++lane) std::memcpy(&rows[lane], of[lane] + at, sizeof rows[lane]);
         transpose(rows, each);
         for (std::size_t n = 0; n < Real::lanes; ++n) all[at + n].part[0] = rows[n];
     });
-    for (; !read && begin < end; ++begin) all[begin] = gathered(of, begin, each);
+    for (; !in_blocks && begin < end; ++begin) all[begin] = gathered(of, begin, each);
 }
 
 // Writes numbers from `begin` to before `end` into each lane's array. It may also write some before `begin`, which must be as they were
 // read.
 [[gnu::always_inline]] inline void write(Number* const* of, std::uint32_t begin, std::uint32_t end, const Real* all) {
-    const bool written = blocks(begin, end, [&](std::uint32_t at) __attribute__((always_inline)) {
+    const bool in_blocks = blocks(begin, end, [&](std::uint32_t at) __attribute__((always_inline)) {
         Square rows;
         for (std::size_t n = 0; n < Real::lanes; ++n) rows[n] = all[at + n].part[0];
         transpose(rows, each);
         for (std::size_t lane = 0; lane < Real::lanes; ++lane) std::memcpy(of[lane] + at, &rows[lane], sizeof rows[lane]);
     });
-    for (; !written && begin < end; ++begin) {
+    for (; !in_blocks && begin < end; ++begin) {
         for (std::size_t lane = 0; lane < Real::lanes; ++lane) of[lane][begin] = all[begin][lane];
     }
 }
